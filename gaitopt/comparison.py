@@ -1,0 +1,112 @@
+"""Gaits side by side over the same scenarios, and one gait over a range of one parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gaitopt.errors import GaitoptError, unknown_name
+from gaitopt.gait import Channel, Gait
+from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.verification import VERIFICATION, interval90, scenarios_of
+from gaitopt.problem import Problem
+from gaitopt.rollout import NOMINAL
+
+Row = dict[str, Any]
+
+
+def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executor) -> list[Row]:
+    """Return one row per gait: mean speed with interval, and its paired difference to the first gait.
+
+    Every gait meets the same scenarios, so the difference of two is judged scenario by scenario.
+    """
+    scenarios = scenarios_of(problem, seed, VERIFICATION)
+    evaluator = Evaluator(Setting.of(problem, scenarios, problem.simulation.working), executor)
+    rows: list[Row] = []
+    first: np.ndarray | None = None
+    for gait, (evaluation, outcomes) in zip(gaits, evaluator(gaits), strict=True):
+        speeds = np.array([outcome.metrics["speed_m_s"] for outcome in outcomes])
+        first = speeds if first is None else first
+        low, high = interval90(speeds - first)
+        rows.append(
+            {
+                "name": gait.name,
+                "period_s": gait.period_s,
+                "speed_ci90_m_s": list(interval90(speeds)),
+                "speed_worst_m_s": float(speeds.min()),
+                "difference_m_s": float((speeds - first).mean()),
+                "difference_ci90_m_s": [low, high],
+                "ratio": float(speeds.mean() / first.mean()) if first.mean() != 0.0 else None,
+                "more_than_noise": not low <= 0.0 <= high,
+                "constraints_met": evaluation.constraints_met,
+                "violations": {n: v for n, v in evaluation.violations.items() if v > 0.0},
+                "status": evaluation.status,
+            }
+            | evaluation.metrics
+        )
+    return rows
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A range of one parameter: of the gait (``period_s``, ``CHANNEL.KEY``) or of the model."""
+
+    name: str
+    values: tuple[float, ...]
+
+    @staticmethod
+    def parse(text: str) -> Sweep:
+        """Return the sweep written as ``NAME=V1,V2,…``.
+
+        Raises:
+            GaitoptError: the text is not of this form.
+        """
+        name, separator, values = text.partition("=")
+        try:
+            parsed = tuple(float(value) for value in values.split(","))
+        except ValueError:
+            parsed = ()
+        if not separator or not parsed or not np.all(np.isfinite(parsed)):
+            raise GaitoptError(f"--over: found {text!r}; allowed: NAME=V1,V2,… with numbers")
+        return Sweep(name, parsed)
+
+    def points(self, problem: Problem, gait: Gait) -> list[tuple[Problem, Gait]]:
+        """Return the problem and gait at each value.
+
+        Raises:
+            GaitoptError: there is no such parameter, or a value is outside what it allows.
+        """
+        return [self._point(problem, gait, value) for value in self.values]
+
+    def _point(self, problem: Problem, gait: Gait, value: float) -> tuple[Problem, Gait]:
+        label = f"{self.name}={value:g}"
+        channel, _, key = self.name.partition(".")
+        if self.name in problem.file.parameters:
+            return problem.with_parameters({self.name: value}), replace(gait, name=label)
+        values: dict[str, Any] = gait.to_dict()
+        if self.name == "period_s":
+            values["period_s"] = value
+        elif channel in gait.channels and key in Channel.model_fields:
+            values["channels"][channel][key] = value
+        else:
+            known = ["period_s", *problem.file.parameters]
+            known += [f"{name}.{field}" for name in gait.channels for field in Channel.model_fields]
+            raise unknown_name("--over", "parameter", self.name, known)
+        return problem, problem.check_gait(
+            Gait.from_dict(values, f"--over {label}", label), f"--over {label}"
+        )
+
+
+def sweep(points: Sequence[tuple[Problem, Gait]], executor: Executor) -> list[Row]:
+    """Return one row of metrics per point, on the nominal robot."""
+    rows = []
+    for problem, gait in points:
+        setting = Setting.of(problem, (NOMINAL,), problem.simulation.working)
+        evaluation, outcomes = Evaluator(setting, executor)([gait])[0]
+        row: Row = {"name": gait.name, "period_s": gait.period_s, "status": outcomes[0].status}
+        rows.append(row | {"constraints_met": evaluation.constraints_met} | outcomes[0].metrics)
+    return rows

@@ -1,0 +1,110 @@
+"""What a person sees in the terminal: progress on standard error, tables on standard output."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+from rich.table import Table
+
+from gaitopt.optimise.study import Progress
+
+_PLAIN_EVERY_S = 10.0
+
+
+@contextmanager
+def progress_display(budget: int, quiet: bool) -> Iterator[Callable[[Progress], None]]:
+    """Yield what a search calls as it goes: a bar on a terminal, a line now and then elsewhere."""
+    console = Console(stderr=True)
+    if quiet:
+        yield lambda progress: None
+    elif console.is_terminal:
+        columns = (
+            TextColumn("{task.fields[method]}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("best {task.fields[best]}"),
+            TextColumn("{task.fields[simulated]:.0f} s simulated"),
+            TimeRemainingColumn(),
+        )
+        with Bar(*columns, console=console) as bar:
+            task = bar.add_task("search", total=budget, method="baselines", best="-", simulated=0.0)
+
+            def show(progress: Progress) -> None:
+                done = progress.done >= progress.budget
+                bar.update(
+                    task,
+                    completed=progress.done,
+                    method="verification" if done else progress.method,
+                    best=_best(progress),
+                    simulated=progress.simulated_s,
+                )
+
+            yield show
+    else:
+        yield _plain_lines(console)
+
+
+def _plain_lines(console: Console) -> Callable[[Progress], None]:
+    last = time.monotonic() - _PLAIN_EVERY_S
+
+    def show(progress: Progress) -> None:
+        nonlocal last
+        if time.monotonic() - last >= _PLAIN_EVERY_S or progress.done >= progress.budget:
+            last = time.monotonic()
+            console.print(
+                f"{progress.done}/{progress.budget} gaits, {progress.method}, best {_best(progress)}, "
+                f"{progress.simulated_s:.0f} s simulated",
+                highlight=False,
+            )
+
+    return show
+
+
+def _best(progress: Progress) -> str:
+    if progress.best is None:
+        return "-"
+    return f"{1e3 * progress.best.evaluation.metrics['speed_m_s']:.1f} mm/s"
+
+
+def note(text: str) -> None:
+    """Say on standard error what is being worked on."""
+    print(f"checking {text} …", file=sys.stderr)
+
+
+def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print rows as a table: a column each where they fit, else a line per key."""
+    console = Console()
+    keys = list(rows[0])
+    table = Table()
+    if len(keys) <= 8:
+        for key in keys:
+            table.add_column(key, justify="left" if key == "name" else "right")
+        for row in rows:
+            table.add_row(*(_cell(row[key]) for key in keys))
+    else:
+        table.add_column("")
+        for row in rows:
+            table.add_column(str(row["name"]), justify="right")
+        for key in keys:
+            if key != "name":
+                table.add_row(key, *(_cell(row[key]) for row in rows))
+    console.print(table)
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        return " to ".join(_cell(item) for item in value)
+    if isinstance(value, dict):
+        return ", ".join(value) or "none"
+    return str(value)

@@ -1,0 +1,137 @@
+"""Reading and writing whole files: nothing is ever left half-written."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ValidationError
+
+from gaitopt.errors import GaitoptError, nearest
+
+Record = TypeVar("Record", bound=BaseModel)
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a UTF-8 file.
+
+    Raises:
+        GaitoptError: the file is missing, unreadable or not UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise GaitoptError(f"{path}: no such file") from None
+    except UnicodeDecodeError as error:
+        raise GaitoptError(f"{path}: not UTF-8 text (byte {error.start})") from None
+    except OSError as error:
+        raise GaitoptError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return a TOML file as a dictionary.
+
+    Raises:
+        GaitoptError: the file cannot be read, or is not TOML.
+    """
+    text = read_text(path)
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise GaitoptError(f"{path}: not TOML: {error}") from None
+
+
+def write_with(path: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` fill a temporary file beside `path`, then rename it into place.
+
+    Raises:
+        GaitoptError: the folder or file cannot be written.
+    """
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
+        os.close(handle)
+        temporary = Path(name)
+        try:
+            write(temporary)
+            temporary.chmod(0o644)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise GaitoptError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all."""
+    write_with(path, lambda temporary: temporary.write_text(text, encoding="utf-8", newline="\n"))
+
+
+def csv_text(columns: dict[str, np.ndarray]) -> str:
+    """Return a CSV table of equally long columns, with shortest round-trip floats."""
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    return "\n".join(lines) + "\n"
+
+
+def validated(record: type[Record], values: object, source: object) -> Record:
+    """Return `values` as a checked record.
+
+    Raises:
+        GaitoptError: one line that names the file, the first wrong key, what was found and what is
+            allowed, and how many more are wrong.
+    """
+    try:
+        return record.model_validate(values)
+    except ValidationError as error:
+        raise GaitoptError(_first_problem(error, record, source)) from None
+
+
+def _first_problem(error: ValidationError, record: type[BaseModel], source: object) -> str:
+    problems = error.errors(include_url=False)
+    first = problems[0]
+    key = ".".join(str(part) for part in first["loc"]) or "file"
+    if first["type"] == "missing":
+        text = f"{key}: missing; it is required"
+    elif first["type"] == "extra_forbidden":
+        siblings = _fields_at(record, first["loc"][:-1])
+        known = f"; allowed: {', '.join(siblings)}" if siblings else ""
+        text = f"{key}: unknown key{known}{nearest(first['loc'][-1], siblings)}"
+    elif first["type"] == "value_error":
+        text = f"{key}: {first['ctx']['error']}"
+    else:
+        allowed = first["msg"].replace("Input should be ", "")
+        text = f"{key}: found {first['input']!r}; allowed: {allowed}"
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return f"{source}: {text}{more}"
+
+
+def _fields_at(record: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
+    """Return the keys that the nested record at `location` accepts, as far as they can be told."""
+    current: Any = record
+    for part in location:
+        if not (isinstance(current, type) and issubclass(current, BaseModel)):
+            return []
+        field = next((f for n, f in current.model_fields.items() if part in (n, f.alias)), None)
+        if field is None:
+            return []
+        current = _record_in(field.annotation)
+        if current is None:
+            return []
+    if isinstance(current, type) and issubclass(current, BaseModel):
+        return [field.alias or name for name, field in current.model_fields.items()]
+    return []
+
+
+def _record_in(annotation: Any) -> Any:
+    """Return the record inside `Record | None`, or None for anything else."""
+    if isinstance(annotation, type):
+        return annotation
+    for argument in getattr(annotation, "__args__", ()):
+        if isinstance(argument, type) and issubclass(argument, BaseModel):
+            return argument
+    return None

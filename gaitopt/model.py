@@ -1,0 +1,357 @@
+"""A problem's MuJoCo model: parameters written into its MJCF, compiled, settled, instrumented."""
+
+from __future__ import annotations
+
+import copy
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.errors import GaitoptError, bad_value, nearest, unknown_name
+from gaitopt.files import read_text
+from gaitopt.problem import Fidelity, Parameter, Problem
+
+START = "start"
+"""Keyframe from which every gait begins."""
+
+_SETTLE_CHUNK_S = 0.25
+_SETTLE_LIMIT_S = 20.0
+_REST_SPEED = 1e-6
+"""Largest generalised speed at rest, rad/s or m/s: a hundred times below what the contract asks."""
+
+
+def nominal_mjcf(problem: Problem) -> str:
+    """Return the nominal model as one self-contained MJCF, every number at full precision.
+
+    The working timestep and integrator are set, and the keyframe ``start`` holds the state before
+    the gait and the targets that the servos hold in it.
+
+    Raises:
+        GaitoptError: the MJCF is missing, broken, or does not fit the problem.
+    """
+    root = _parameterised(problem)
+    _set_fidelity(root, problem.simulation.working)
+    if problem.file.start.settle:
+        _write_start(root, problem)
+    model = _compile(root, problem)
+    _check_fits(model, problem)
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def build_model(problem: Problem, fidelity: Fidelity | None = None) -> mujoco.MjModel:
+    """Return the compiled nominal model with its keyframe ``start``, without instruments.
+
+    Args:
+        problem: the problem.
+        fidelity: timestep and integrator; the problem's working fidelity by default.
+
+    Raises:
+        GaitoptError: the MJCF is missing, broken, or does not fit the problem.
+    """
+    model = _compile(ET.fromstring(nominal_mjcf(problem)), problem)
+    return with_fidelity(model, fidelity or problem.simulation.working)
+
+
+def with_fidelity(model: mujoco.MjModel, fidelity: Fidelity) -> mujoco.MjModel:
+    """Return a copy of `model` with another timestep and integrator."""
+    model = copy.copy(model)
+    model.opt.timestep = fidelity.timestep_s
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{fidelity.integrator.upper()}")
+    return model
+
+
+def start_targets(problem: Problem) -> NDArray[np.float64]:
+    """Return the targets that the servos hold before the gait, rad, shape (nu,)."""
+    held = problem.file.start.ctrl_deg
+    return np.deg2rad([held.get(name, 0.0) for name in problem.channel_names])
+
+
+@dataclass(frozen=True)
+class Robot:
+    """Figures of a compiled robot: its weight and its servos' limits.
+
+    Attributes:
+        weight: N.
+        torque_limit: N m, shape (nu,); inf where there is none.
+        damping: of the driven joints, N m s/rad, shape (nu,): the slope of a motor's torque-speed line.
+        no_load_speed: rad/s, shape (nu,): torque limit over damping of the driven joint, where a
+            direct-current motor's torque is used up by its own speed; inf where there is no limit.
+    """
+
+    weight: float
+    torque_limit: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    no_load_speed: NDArray[np.float64]
+
+    @staticmethod
+    def of(model: mujoco.MjModel) -> Robot:
+        """Read the figures of a model."""
+        weight = float(model.body_subtreemass[1]) * float(np.linalg.norm(model.opt.gravity))
+        limited = model.actuator_forcelimited.astype(bool)
+        torque_limit = np.where(limited, model.actuator_forcerange[:, 1], np.inf)
+        damping = np.zeros(model.nu)
+        for i in range(model.nu):
+            if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT:
+                damping[i] = model.dof_damping[model.jnt_dofadr[model.actuator_trnid[i, 0]]]
+        speed = np.full(model.nu, np.inf)
+        np.divide(torque_limit, damping, out=speed, where=damping > 0.0)
+        return Robot(weight, torque_limit, damping, speed)
+
+
+# --- instruments ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """One sensor: the signals it gives, in the order of its numbers; None for a number not kept."""
+
+    element: str
+    attributes: dict[str, str]
+    signals: tuple[str | None, ...]
+
+
+def instruments(problem: Problem, model: mujoco.MjModel) -> list[Instrument]:
+    """Return the sensors that metrics and diagnosis read, for any robot, from its roles."""
+    root_body = model.body(1).name
+    marker = problem.roles.marker
+    found = [
+        Instrument(
+            "framepos",
+            {"objtype": "site", "objname": marker},
+            ("marker.x", "marker.y", "marker.z"),
+        ),
+        Instrument(
+            "framequat",
+            {"objtype": "xbody", "objname": root_body},
+            ("heading.w", "heading.x", "heading.y", "heading.z"),
+        ),
+        Instrument(
+            "contact", {"body2": "world", "reduce": "mindist", "data": "found dist"}, ("contacts", "depth")
+        ),
+        Instrument("contact", {"data": "found"}, ("contacts_all",)),
+    ]
+    for name in problem.channel_names:
+        found.append(Instrument("actuatorpos", {"actuator": name}, (f"position.{name}",)))
+        found.append(Instrument("actuatorvel", {"actuator": name}, (f"rate.{name}",)))
+        found.append(Instrument("actuatorfrc", {"actuator": name}, (f"torque.{name}",)))
+    for name in filter(None, (model.joint(i).name for i in scalar_joints(model))):
+        found.append(Instrument("jointpos", {"joint": name}, (f"joint.{name}",)))
+    for pad in problem.roles.pads:
+        found.append(
+            Instrument(
+                "contact",
+                {"geom1": pad, "body2": "world", "reduce": "netforce", "data": "force"},
+                tuple(f"load.{pad}.{axis}" for axis in "xyz"),
+            )
+        )
+        found.append(
+            Instrument(
+                "framelinvel",
+                {"objtype": "geom", "objname": pad},
+                tuple(f"pad_speed.{pad}.{axis}" for axis in "xyz"),
+            )
+        )
+    return found
+
+
+def build_instrumented(problem: Problem) -> tuple[mujoco.MjModel, list[str | None]]:
+    """Return the nominal model with its sensors, and the signal in each place of ``sensordata``.
+
+    Raises:
+        GaitoptError: the MJCF is missing, broken, or does not fit the problem.
+    """
+    root = ET.fromstring(nominal_mjcf(problem))
+    for element in root.findall("sensor"):
+        root.remove(element)
+    bare = _compile(root, problem)
+    sensors = ET.SubElement(root, "sensor")
+    names: list[str | None] = []
+    for instrument in instruments(problem, bare):
+        ET.SubElement(sensors, instrument.element, instrument.attributes)
+        names.extend(instrument.signals)
+    return _compile(root, problem), names
+
+
+def scalar_joints(model: mujoco.MjModel) -> list[int]:
+    """Return the ids of the hinge and slide joints."""
+    scalar = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
+    return [i for i in range(model.njnt) if int(model.jnt_type[i]) in scalar]
+
+
+# --- MJCF -------------------------------------------------------------------------------------
+
+
+def _parameterised(problem: Problem) -> ET.Element:
+    """Return the MJCF with includes resolved and every named parameter written in."""
+    root = _parse(problem.model_path)
+    _resolve_includes(root, problem.model_path.parent, depth=0)
+    for name, parameter in problem.file.parameters.items():
+        for path, template in parameter.sets.items():
+            _set_attribute(root, path, template, parameter, f"{problem.source}: parameters.{name}.sets")
+    return root
+
+
+def _parse(path: Path) -> ET.Element:
+    text = read_text(path)
+    try:
+        root = ET.fromstring(text)
+    except ET.ParseError as error:
+        raise GaitoptError(f"{path}: broken XML: {error}") from None
+    if root.tag != "mujoco":
+        raise bad_value(path, "root element", root.tag, "mujoco")
+    return root
+
+
+def _resolve_includes(element: ET.Element, folder: Path, depth: int) -> None:
+    """Put the children of each included file where its include stands; only the problem's own folder."""
+    if depth > 20:
+        raise GaitoptError(f"{folder}: include: nested more than 20 deep")
+    for index, child in reversed(list(enumerate(element))):
+        if child.tag == "include":
+            name = child.get("file", "")
+            path = folder / name
+            if not name or not path.resolve().is_relative_to(folder.resolve()):
+                raise bad_value(folder, "include file", name, "a file inside the problem's folder")
+            included = _parse(path)
+            _resolve_includes(included, folder, depth + 1)
+            element.remove(child)
+            for offset, grandchild in enumerate(included):
+                element.insert(index + offset, grandchild)
+        else:
+            _resolve_includes(child, folder, depth)
+
+
+def _set_attribute(root: ET.Element, path: str, template: str, parameter: Parameter, source: str) -> None:
+    xpath, separator, attribute = path.rpartition("/@")
+    if not separator:
+        raise bad_value(source, "path", path, "an XPath that ends in /@attribute")
+    try:
+        elements = root.findall(xpath)
+    except SyntaxError:
+        elements = []
+    if not elements:
+        raise bad_value(source, "path", path, "an XPath, from the mujoco element, that finds something")
+    text = template.replace("{}", repr(parameter.value))
+    for element in elements:
+        element.set(attribute, text)
+
+
+def _set_fidelity(root: ET.Element, fidelity: Fidelity) -> None:
+    options = root.findall("option")
+    for option in options:
+        option.attrib.pop("timestep", None)
+        option.attrib.pop("integrator", None)
+    option = options[0] if options else ET.SubElement(root, "option")
+    option.set("timestep", repr(fidelity.timestep_s))
+    option.set("integrator", fidelity.integrator)
+
+
+def _compile(root: ET.Element, problem: Problem) -> mujoco.MjModel:
+    text = ET.tostring(root, encoding="unicode")
+    try:
+        return mujoco.MjModel.from_xml_string(text, _assets(root, problem))
+    except ValueError as error:
+        raise GaitoptError(f"{problem.model_path}: {error}") from None
+
+
+def _assets(root: ET.Element, problem: Problem) -> dict[str, bytes]:
+    """Return the files that the MJCF names, read from the problem's own folder and nowhere else."""
+    folder = problem.model_path.parent
+    assets = {}
+    for element in root.iter():
+        name = element.get("file")
+        if name is None:
+            continue
+        path = folder / name
+        if not path.resolve().is_relative_to(folder.resolve()) or not path.is_file():
+            raise bad_value(problem.model_path, f"{element.tag} file", name, "a file in the problem's folder")
+        assets[name] = path.read_bytes()
+    return assets
+
+
+# --- the start pose ---------------------------------------------------------------------------
+
+
+def _write_start(root: ET.Element, problem: Problem) -> None:
+    """Write the keyframe ``start``: the robot at rest under the targets held before the gait."""
+    keyframes = root.find("keyframe")
+    if keyframes is None:
+        keyframes = ET.SubElement(root, "keyframe")
+    for key in keyframes.findall(f"key[@name='{START}']"):
+        keyframes.remove(key)
+    model = _compile(root, problem)
+    _check_fits(model, problem)
+    held = start_targets(problem)
+    qpos = settled(model, held)
+    key = ET.SubElement(keyframes, "key", name=START)
+    key.set("qpos", " ".join(map(repr, qpos.tolist())))
+    key.set("ctrl", " ".join(map(repr, held.tolist())))
+
+
+def settled(model: mujoco.MjModel, held: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the pose in which the robot comes to rest under constant targets, shape (nq,).
+
+    It falls from its keyframe 0 or its default pose. A robot that never rests is returned as it is
+    after 20 s: `gaitopt check` says so.
+    """
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.ctrl[:] = held
+    steps = max(1, round(_SETTLE_CHUNK_S / model.opt.timestep))
+    for _ in range(round(_SETTLE_LIMIT_S / _SETTLE_CHUNK_S)):
+        mujoco.mj_step(model, data, steps)
+        if np.abs(data.qvel).max(initial=0.0) < _REST_SPEED:
+            break
+    return np.array(data.qpos)
+
+
+# --- does it fit ------------------------------------------------------------------------------
+
+
+def _check_fits(model: mujoco.MjModel, problem: Problem) -> None:
+    source = problem.source
+    actuators = [model.actuator(i).name for i in range(model.nu)]
+    for name in problem.channel_names:
+        if name not in actuators:
+            raise GaitoptError(
+                f"{source}: channels.{name}: {problem.model_path} has no actuator of this name; "
+                f"it has {', '.join(actuators) or 'none'}{nearest(name, actuators)}"
+            )
+    if problem.channel_names != actuators:
+        raise bad_value(
+            source,
+            "channels",
+            ", ".join(problem.channel_names),
+            f"the model's actuators in order: {', '.join(actuators)}",
+        )
+    for name in actuators:
+        if model.actuator(name).biastype[0] != mujoco.mjtBias.mjBIAS_AFFINE:
+            raise bad_value(
+                problem.model_path, f"actuator {name}", "not a position servo", "position actuators"
+            )
+    _check_names(source, "roles.marker", "site", [problem.roles.marker], _names(model, "site", model.nsite))
+    geoms = _names(model, "geom", model.ngeom)
+    _check_names(source, "roles.pads", "geom", problem.roles.pads, geoms)
+    _check_names(source, "roles.body", "geom", problem.roles.body, geoms)
+    _check_names(source, "roles.hinges", "joint", problem.roles.hinges, _names(model, "joint", model.njnt))
+    if not problem.file.start.settle and START not in _names(model, "key", model.nkey):
+        raise unknown_name(problem.model_path, "keyframe", START, _names(model, "key", model.nkey))
+    if model.nbody < 2:
+        raise GaitoptError(f"{problem.model_path}: no body under the world")
+
+
+def _names(model: mujoco.MjModel, kind: str, count: int) -> list[str]:
+    return [getattr(model, kind)(i).name for i in range(count)]
+
+
+def _check_names(source: object, key: str, what: str, asked: Sequence[str], known: Sequence[str]) -> None:
+    for name in asked:
+        if name not in known:
+            raise unknown_name(source, f"{what} in {key}:", name, [n for n in known if n])

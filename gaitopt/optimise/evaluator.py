@@ -1,0 +1,95 @@
+"""Evaluating gaits over scenarios on an executor, in an order that no scheduling can change."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import threading
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+from gaitopt.gait import Gait
+from gaitopt.metrics import Metrics, measure
+from gaitopt.model import Robot
+from gaitopt.objective import Evaluation, evaluate
+from gaitopt.problem import Fidelity, Problem
+from gaitopt.rollout import Scenario, Simulator
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a gait is evaluated in: the robot, the scenarios, the fidelity.
+
+    Attributes:
+        problem: the problem.
+        scenarios: the scenarios, the same for every gait.
+        fidelity: timestep and integrator.
+        key: equal for equal settings, so that a worker compiles each once.
+    """
+
+    problem: Problem
+    scenarios: tuple[Scenario, ...]
+    fidelity: Fidelity
+    key: str
+
+    @staticmethod
+    def of(problem: Problem, scenarios: Sequence[Scenario], fidelity: Fidelity) -> Setting:
+        """Return a setting with its key."""
+        content = (problem.to_toml(str(problem.model_path)), tuple(scenarios), repr(fidelity))
+        key = hashlib.sha256(pickle.dumps(content)).hexdigest()
+        return Setting(problem, tuple(scenarios), fidelity, key)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One gait in one scenario."""
+
+    metrics: Metrics
+    status: str
+    simulated_s: float
+
+
+def assess(setting: Setting, gait: Gait, scenario: int) -> Outcome:
+    """Simulate and measure one gait in one scenario: the unit of work of every executor."""
+    simulator, robot = _prepared(setting)
+    trajectory = simulator.run(gait, scenario)
+    metrics = measure(setting.problem, gait, trajectory, robot)
+    return Outcome(metrics, trajectory.status, simulator.duration(gait))
+
+
+@dataclass(frozen=True)
+class Evaluator:
+    """A setting and the executor that works on it."""
+
+    setting: Setting
+    executor: Executor
+
+    def outcomes(self, gaits: Sequence[Gait]) -> list[list[Outcome]]:
+        """Return the outcome of each gait in each scenario, in the order asked for."""
+        scenarios = range(len(self.setting.scenarios))
+        futures = [[self.executor.submit(assess, self.setting, gait, s) for s in scenarios] for gait in gaits]
+        return [[future.result() for future in row] for row in futures]
+
+    def __call__(self, gaits: Sequence[Gait]) -> list[tuple[Evaluation, list[Outcome]]]:
+        """Return evaluation and outcomes of each gait, in the order asked for."""
+        return [(judge(self.setting.problem, row), row) for row in self.outcomes(gaits)]
+
+
+def judge(problem: Problem, outcomes: Sequence[Outcome]) -> Evaluation:
+    """Return the evaluation of one gait from its outcomes."""
+    return evaluate(problem, [o.metrics for o in outcomes], [o.status for o in outcomes])
+
+
+_simulators: dict[str, tuple[Simulator, Robot]] = {}
+_compiling = threading.Lock()
+
+
+def _prepared(setting: Setting) -> tuple[Simulator, Robot]:
+    """Return this process's simulator of a setting, compiled on first use."""
+    if setting.key not in _simulators:
+        with _compiling:
+            if setting.key not in _simulators:
+                simulator = Simulator.build(setting.problem, setting.scenarios, setting.fidelity)
+                _simulators[setting.key] = simulator, Robot.of(simulator.models[0])
+    return _simulators[setting.key]

@@ -1,0 +1,126 @@
+"""The journal: every evaluation of a search, on disk as soon as its batch is done."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.errors import GaitoptError
+from gaitopt.files import read_text
+from gaitopt.gait import Gait
+from gaitopt.metrics import METRICS
+from gaitopt.objective import Evaluation
+from gaitopt.problem import Problem
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One evaluated gait: its number, who proposed it, where it lies, what it was worth."""
+
+    index: int
+    method: str
+    point: NDArray[np.float64]
+    gait: Gait
+    evaluation: Evaluation
+    simulated_s: float
+
+
+class Journal:
+    """``evaluations.csv``: one row per gait in candidate order, floats that round-trip.
+
+    A journal that already has rows is replayed: the search asks the same candidates in the same
+    order, and those the journal knows are answered from it. A torn last line, as a killed process
+    leaves it, is dropped.
+    """
+
+    def __init__(self, path: Path, problem: Problem):
+        self.path = path
+        self._space = problem.space
+        self._variables = [variable.name for variable in problem.space.variables]
+        self._metrics = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
+        self._constraints = list(problem.file.objective.constraints)
+        self.columns = [
+            *("evaluation", "method", "cost", "status", "constraints_met", "simulated_s"),
+            *self._metrics,
+            *(f"violation.{name}" for name in self._constraints),
+            *(f"x.{name}" for name in self._variables),
+            *("period_s", *_gait_columns(problem)),
+        ]
+        self.entries: list[Entry] = []
+        if not (path.exists() and self._read()):
+            self._write(",".join(self.columns) + "\n", "w")
+
+    def append(self, entries: Sequence[Entry]) -> None:
+        """Add the entries of one batch and make sure that they are on the disk."""
+        self._write("".join(",".join(self._row(entry)) + "\n" for entry in entries), "a")
+        self.entries.extend(entries)
+
+    def _row(self, entry: Entry) -> list[str]:
+        evaluation = entry.evaluation
+        cells = [str(entry.index), entry.method, repr(evaluation.cost), _quoted(evaluation.status)]
+        cells += [str(evaluation.constraints_met).lower(), repr(entry.simulated_s)]
+        cells += [repr(evaluation.metrics[name]) for name in self._metrics]
+        cells += [repr(evaluation.violations.get(name, 0.0)) for name in self._constraints]
+        cells += [repr(value) for value in entry.point.tolist()]
+        cells.append(repr(entry.gait.period_s))
+        for channel in entry.gait.channels.values():
+            cells += [repr(value) for value in channel.model_dump().values()]
+        return cells
+
+    def _write(self, text: str, mode: str) -> None:
+        try:
+            with self.path.open(mode, encoding="utf-8", newline="") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise GaitoptError(f"{self.path}: cannot be written: {error.strerror}") from None
+
+    def _read(self) -> bool:
+        """Read the rows that are there; False when not even the header is whole."""
+        text = read_text(self.path)
+        whole = text[: text.rfind("\n") + 1]
+        rows = list(csv.reader(whole.splitlines()))
+        if not rows:
+            return False
+        if rows[0] != self.columns:
+            raise GaitoptError(
+                f"{self.path}: columns are not those of this problem and version; cannot resume"
+            )
+        for number, row in enumerate(rows[1:]):
+            if len(row) != len(self.columns):
+                raise GaitoptError(
+                    f"{self.path}: line {number + 2}: {len(row)} cells, not {len(self.columns)}"
+                )
+            try:
+                self.entries.append(self._entry(dict(zip(self.columns, row, strict=True))))
+            except ValueError as error:
+                raise GaitoptError(f"{self.path}: line {number + 2}: {error}") from None
+        if whole != text:
+            self._write(whole, "w")
+        return True
+
+    def _entry(self, row: dict[str, str]) -> Entry:
+        metrics = {name: float(row[name]) for name in self._metrics}
+        violations = {name: float(row[f"violation.{name}"]) for name in self._constraints}
+        evaluation = Evaluation(float(row["cost"]), metrics, violations, row["status"])
+        point = np.array([float(row[f"x.{name}"]) for name in self._variables])
+        index = int(row["evaluation"])
+        return Entry(
+            index, row["method"], point, self._space.decode(point), evaluation, float(row["simulated_s"])
+        )
+
+
+def _gait_columns(problem: Problem) -> list[str]:
+    keys = ("duty", "phase", "amplitude_deg", "offset_deg", "smoothing")
+    return [f"{name}.{key}" for name in problem.channel_names for key in keys]
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace('"', '""').replace("\n", " ") + '"' if set(text) & set(',"\n') else text

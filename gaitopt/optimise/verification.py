@@ -1,0 +1,86 @@
+"""Verification: gaits at the reference fidelity, in scenarios that the search never saw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from gaitopt.gait import Gait
+from gaitopt.objective import Evaluation
+from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.problem import Problem
+from gaitopt.rollout import Scenario, draw_scenarios
+
+SEARCH, SELECTION, VERIFICATION = 1, 2, 3
+"""Streams of scenarios; with the run's seed each gives its own draws."""
+
+_SELECTION_SCENARIOS = 8
+
+
+@dataclass(frozen=True)
+class Verified:
+    """A gait over the verification scenarios.
+
+    Attributes:
+        gait: the gait.
+        evaluation: mean metrics, constraints and cost.
+        speeds: forward speed in each scenario, m/s, shape (n,).
+        simulated_s: simulated seconds spent.
+    """
+
+    gait: Gait
+    evaluation: Evaluation
+    speeds: np.ndarray
+    simulated_s: float
+
+    @property
+    def speed(self) -> float:
+        """Mean forward speed, m/s."""
+        return float(self.speeds.mean())
+
+    @property
+    def speed_ci90(self) -> tuple[float, float]:
+        """90 % interval of the mean forward speed, m/s."""
+        return interval90(self.speeds)
+
+    @property
+    def worst(self) -> float:
+        """Lowest forward speed of any scenario, m/s."""
+        return float(self.speeds.min())
+
+
+def scenarios_of(problem: Problem, seed: int, stream: int) -> tuple[Scenario, ...]:
+    """Return the scenarios of one stream of a run.
+
+    Args:
+        problem: the problem, whose file says how many and how wide.
+        seed: seed of the run.
+        stream: `SEARCH`, `SELECTION` or `VERIFICATION`.
+    """
+    spread = problem.file.scenarios
+    counts = {SEARCH: spread.search, SELECTION: _SELECTION_SCENARIOS, VERIFICATION: spread.verification}
+    return draw_scenarios(problem, counts[stream], (seed, stream))
+
+
+def verify(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executor) -> list[Verified]:
+    """Return each gait at the reference fidelity over the verification scenarios."""
+    scenarios = scenarios_of(problem, seed, VERIFICATION)
+    evaluator = Evaluator(Setting.of(problem, scenarios, problem.simulation.reference), executor)
+    verified = []
+    for gait, (evaluation, outcomes) in zip(gaits, evaluator(gaits), strict=True):
+        speeds = np.array([outcome.metrics["speed_m_s"] for outcome in outcomes])
+        verified.append(Verified(gait, evaluation, speeds, sum(o.simulated_s for o in outcomes)))
+    return verified
+
+
+def interval90(values: np.ndarray) -> tuple[float, float]:
+    """Return the 90 % interval of the mean of independent values, by Student's t."""
+    mean = float(values.mean())
+    if len(values) < 2:
+        return mean, mean
+    half = float(stats.t.ppf(0.95, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))
+    return mean - half, mean + half

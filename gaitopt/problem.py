@@ -1,0 +1,447 @@
+"""A problem: a robot's MJCF and a file that says what its parameters, channels, limits and aims are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tomli_w
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from gaitopt.errors import GaitoptError, bad_value, unknown_name
+from gaitopt.files import read_toml, validated
+from gaitopt.gait import Channel, Gait, read_gait
+from gaitopt.space import ChannelSpace, GaitSpace
+
+PROBLEM_FILE = "problem.toml"
+
+_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+_NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+_Interval = Annotated[tuple[_Finite, _Finite], Field()]
+_Vector = tuple[_Finite, _Finite, _Finite]
+Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+
+def _ordered(key: str, interval: tuple[float, float]) -> None:
+    if interval[0] > interval[1]:
+        raise ValueError(f"{key}: found {list(interval)}; allowed: [low, high] with low <= high")
+
+
+class Parameter(_Record):
+    """A named number of the model.
+
+    Attributes:
+        value: nominal value in `unit`.
+        unit: its unit, in words.
+        origin: where the number comes from: measured, datasheet, assumed.
+        sets: MJCF attributes it is written to: XPaths ending in ``/@attribute``, each with the text
+            to write, in which ``{}`` stands for the value.
+    """
+
+    value: _Finite
+    unit: str
+    origin: str
+    sets: dict[str, str] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _paths_alone_take_the_value(cls, values: Any) -> Any:
+        if isinstance(values, dict) and isinstance(values.get("sets"), list):
+            return values | {"sets": {str(path): "{}" for path in values["sets"]}}
+        return values
+
+
+class Roles(_Record):
+    """What effects, metrics and reports act on, by the names in the MJCF.
+
+    Attributes:
+        marker: site whose motion is the robot's motion.
+        pads: geoms that are meant to grip.
+        body: other geoms that may touch the ground.
+        hinges: passive joints.
+        forward: direction of travel in the world.
+        up: direction against gravity in the world.
+    """
+
+    marker: str
+    pads: list[str] = []
+    body: list[str] = []
+    hinges: list[str] = []
+    forward: _Vector = (1.0, 0.0, 0.0)
+    up: _Vector = (0.0, 0.0, 1.0)
+
+
+class Start(_Record):
+    """The state before the gait: targets held, and whether the robot first comes to rest under them.
+
+    Attributes:
+        ctrl_deg: held target of each channel; 0 where a channel is not named.
+        settle: let the robot come to rest; otherwise the MJCF's keyframe ``start`` is used as it is.
+    """
+
+    ctrl_deg: dict[str, _Finite] = {}
+    settle: bool = True
+
+
+class ChannelBounds(_Record):
+    """What a search may do with one actuator; see `ChannelSpace`."""
+
+    range_deg: _Interval
+    amplitude_deg: _Interval
+    duty: _Interval = (0.1, 0.9)
+    smoothing: _Interval = (0.0, 1.0)
+
+    @model_validator(mode="after")
+    def _check(self) -> ChannelBounds:
+        for key in ("range_deg", "amplitude_deg", "duty", "smoothing"):
+            _ordered(key, getattr(self, key))
+        for key in ("duty", "smoothing"):
+            low, high = getattr(self, key)
+            if low < 0.0 or high > 1.0:
+                raise ValueError(f"{key}: found {[low, high]}; allowed: inside 0 to 1")
+        width = self.range_deg[1] - self.range_deg[0]
+        widest = max(abs(end) for end in self.amplitude_deg)
+        if widest > width:
+            raise ValueError(f"amplitude_deg: found {widest:g}; allowed: at most the range's {width:g}")
+        return self
+
+    @property
+    def space(self) -> ChannelSpace:
+        """The same bounds as the search sees them."""
+        return ChannelSpace(self.range_deg, self.amplitude_deg, self.duty, self.smoothing)
+
+
+class Baseline(_Record):
+    """A hand-tuned gait: a whole gait, or another baseline's wave at another period."""
+
+    period_s: _Positive
+    like: str | None = None
+    channels: dict[str, Channel] | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Baseline:
+        if (self.like is None) == (self.channels is None):
+            raise ValueError('allowed: either `channels` or `like = "another baseline"`, not both')
+        return self
+
+
+class Fidelity(_Record):
+    """How finely a simulation is integrated."""
+
+    timestep_s: Annotated[float, Field(gt=0.0, le=0.1)]
+    integrator: Integrator
+
+
+class Horizon(_Record):
+    """Which part of a rollout counts: whole cycles after the transient.
+
+    Attributes:
+        transient_s, transient_cycles: at least this long is thrown away first.
+        measured_s, measured_cycles: at least this long is measured.
+    """
+
+    transient_s: _NonNegative = 1.0
+    transient_cycles: Annotated[int, Field(ge=0, le=1000)] = 1
+    measured_s: _Positive = 4.0
+    measured_cycles: Annotated[int, Field(ge=1, le=1000)] = 2
+
+    def cycles(self, period_s: float) -> tuple[int, int]:
+        """Return the numbers of transient and of measured cycles at a period."""
+        transient = max(self.transient_cycles, _ceil(self.transient_s / period_s))
+        return transient, max(self.measured_cycles, _ceil(self.measured_s / period_s))
+
+
+class Simulation(_Record):
+    """Working and reference fidelity, and the horizon of a rollout."""
+
+    working: Fidelity
+    reference: Fidelity
+    horizon: Horizon = Horizon()
+
+
+class Servo(_Record):
+    """How commands reach the servos.
+
+    Attributes:
+        frame_s: period of the servo signal; a target is sent once a frame and acts one frame later.
+    """
+
+    frame_s: _Positive = 0.02
+
+
+class ScenarioSpread(_Record):
+    """How scenarios differ from the nominal robot.
+
+    Attributes:
+        search, verification: how many scenarios each uses; those of verification are never searched on.
+        friction: half-width of the uniform relative change of every friction coefficient.
+        servo_strength: half-width of the uniform relative change of the servos' torque limit.
+        start_pose_rad: standard deviation of the error of each joint's start angle and of the heading.
+        framed: the last scenario is played at the servo's frame rate, one frame late.
+    """
+
+    search: Annotated[int, Field(ge=1, le=1000)] = 3
+    verification: Annotated[int, Field(ge=2, le=1000)] = 16
+    friction: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.15
+    servo_strength: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.1
+    start_pose_rad: Annotated[float, Field(ge=0.0, le=0.5)] = 0.005
+    framed: bool = True
+
+
+class Constraint(_Record):
+    """A limit on a metric: at most `max` and at least `min`, each with the size of a serious violation."""
+
+    max: float | None = None
+    min: float | None = None
+    scale: _Positive = 1.0
+
+    @model_validator(mode="after")
+    def _has_a_limit(self) -> Constraint:
+        if self.max is None and self.min is None:
+            raise ValueError("allowed: `max`, `min` or both")
+        return self
+
+
+class Objective(_Record):
+    """What to look for: weighted metrics to minimise, and limits that must hold.
+
+    Attributes:
+        terms: weight of each metric in the cost (negative: more of it is better).
+        constraints: limits by metric name; a violation costs `penalty` per `scale`.
+        penalty: cost of violating a constraint by its scale.
+    """
+
+    terms: dict[str, _Finite]
+    constraints: dict[str, Constraint] = {}
+    penalty: _Positive = 1.0
+
+
+class _Gait(_Record):
+    period_s: tuple[_Positive, _Positive]
+
+
+class ProblemFile(_Record):
+    """The content of a problem file."""
+
+    name: Annotated[str, Field(min_length=1, max_length=100)]
+    description: str = ""
+    model: str | None = None
+    parameters: dict[str, Parameter] = {}
+    roles: Roles
+    start: Start = Start()
+    gait: _Gait
+    channels: Annotated[dict[str, ChannelBounds], Field(min_length=1)]
+    baselines: dict[str, Baseline] = {}
+    simulation: Simulation
+    servo: Servo = Servo()
+    scenarios: ScenarioSpread = ScenarioSpread()
+    objective: Objective
+
+    @model_validator(mode="after")
+    def _check(self) -> ProblemFile:
+        _ordered("gait.period_s", self.gait.period_s)
+        for name in self.start.ctrl_deg:
+            if name not in self.channels:
+                raise ValueError(str(unknown_name("start.ctrl_deg", "channel", name, self.channels)))
+        for name, baseline in self.baselines.items():
+            source = self.baselines.get(baseline.like) if baseline.like else baseline
+            if source is None or source.channels is None:
+                known = [other for other, b in self.baselines.items() if b.channels is not None]
+                raise ValueError(
+                    str(unknown_name(f"baselines.{name}.like", "baseline", baseline.like, known))
+                )
+        return self
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A checked problem: the file's content, where it and its MJCF lie, and the gaits it names.
+
+    Attributes:
+        file: the content as it stands in the file.
+        source: the problem file.
+        model_path: the MJCF.
+        baselines: the hand-tuned gaits by name.
+        space: the gait space of a search.
+    """
+
+    file: ProblemFile
+    source: Path
+    model_path: Path
+    baselines: Mapping[str, Gait]
+    space: GaitSpace
+
+    @staticmethod
+    def from_file(file: ProblemFile, source: Path, model_path: Path) -> Problem:
+        """Return the problem that a checked file describes.
+
+        Raises:
+            GaitoptError: a baseline does not fit the channels.
+        """
+        gaits = {}
+        for name, baseline in file.baselines.items():
+            channels = baseline.channels or file.baselines[str(baseline.like)].channels or {}
+            gaits[name] = Gait(baseline.period_s, channels, name)
+        space = GaitSpace(file.gait.period_s, {name: c.space for name, c in file.channels.items()})
+        problem = Problem(file, source, model_path, {}, space)
+        checked = {n: problem.check_gait(g, f"{source}: baselines.{n}") for n, g in gaits.items()}
+        return replace(problem, baselines=checked)
+
+    @property
+    def name(self) -> str:
+        """Name of the problem."""
+        return self.file.name
+
+    @property
+    def roles(self) -> Roles:
+        """What effects, metrics and reports act on."""
+        return self.file.roles
+
+    @property
+    def simulation(self) -> Simulation:
+        """Fidelities and horizon."""
+        return self.file.simulation
+
+    @property
+    def channel_names(self) -> list[str]:
+        """Channels in the order of the file, which is the model's actuator order."""
+        return list(self.file.channels)
+
+    def check_gait(self, gait: Gait, source: object) -> Gait:
+        """Return `gait` with its channels in the problem's order.
+
+        Raises:
+            GaitoptError: a channel is unknown or missing, or a target lies outside the servo's travel.
+        """
+        for name in gait.channels:
+            if name not in self.file.channels:
+                raise unknown_name(source, "channel", name, self.channel_names)
+        ordered = {}
+        for name, bounds in self.file.channels.items():
+            if name not in gait.channels:
+                raise GaitoptError(f"{source}: channels.{name}: missing; every channel needs a wave")
+            low, high = gait.channels[name].extremes_deg
+            if low < bounds.range_deg[0] - 1e-9 or high > bounds.range_deg[1] + 1e-9:
+                raise bad_value(
+                    source,
+                    f"channels.{name}",
+                    f"targets from {low:g} to {high:g} degrees",
+                    f"the servo's {bounds.range_deg[0]:g} to {bounds.range_deg[1]:g}",
+                )
+            ordered[name] = gait.channels[name]
+        return Gait(gait.period_s, ordered, gait.name)
+
+    def find_gait(self, reference: str) -> Gait:
+        """Return a gait by baseline name, gait file or run folder (its best gait).
+
+        Raises:
+            GaitoptError: there is no such gait, or it does not fit the problem.
+        """
+        if reference in self.baselines:
+            return self.baselines[reference]
+        path = Path(reference)
+        if path.is_dir():
+            path = path / "best.toml"
+            if not path.is_file():
+                raise GaitoptError(f"{path}: no such file; {reference} is not a finished run folder")
+        elif not path.exists():
+            known = ", ".join(self.baselines) or "none"
+            raise GaitoptError(
+                f"{reference}: neither a baseline nor a gait file nor a run folder; baselines: {known}"
+            )
+        return self.check_gait(read_gait(path), path)
+
+    def with_parameters(self, values: Mapping[str, float]) -> Problem:
+        """Return the problem with some named parameters changed.
+
+        Raises:
+            GaitoptError: there is no such parameter, or the value is not finite.
+        """
+        if not values:
+            return self
+        dumped = self.to_dict()
+        for name, value in values.items():
+            if name not in self.file.parameters:
+                raise unknown_name(self.source, "parameter", name, self.file.parameters)
+            dumped["parameters"][name] |= {"value": value}
+        return Problem.from_file(validated(ProblemFile, dumped, self.source), self.source, self.model_path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of the problem's file."""
+        return self.file.model_dump(mode="json", exclude_none=True)
+
+    def to_toml(self, model: str) -> str:
+        """Return a problem file with the same content that points to the MJCF `model`."""
+        return tomli_w.dumps({"name": self.file.name, "model": model} | self.to_dict() | {"model": model})
+
+
+def bundled_problems() -> Path:
+    """Return the folder of the problems that come with gaitopt, installed or in a checkout."""
+    here = Path(__file__).resolve().parent
+    installed = here / "problems"
+    return installed if installed.is_dir() else here.parent / "problems"
+
+
+def load_problem(reference: str | Path, parameters: Mapping[str, float] | None = None) -> Problem:
+    """Return a problem from a folder, a problem TOML, or the bare name of a bundled one.
+
+    Args:
+        reference: where to look.
+        parameters: named model parameters to change.
+
+    Raises:
+        GaitoptError: nothing is found there, or what is found is wrong.
+    """
+    path = _problem_path(str(reference))
+    file = validated(ProblemFile, read_toml(path), path)
+    problem = Problem.from_file(file, path, _model_path(path, file.model))
+    return problem.with_parameters(parameters or {})
+
+
+def _problem_path(reference: str) -> Path:
+    path = Path(reference)
+    if path.is_dir():
+        inside = path / PROBLEM_FILE
+        if not inside.is_file():
+            raise GaitoptError(f"{path}: no {PROBLEM_FILE} in this folder")
+        return inside
+    if path.is_file():
+        return path
+    bundled = bundled_problems()
+    if re.fullmatch(r"[A-Za-z0-9_.-]+", reference) and (bundled / reference / PROBLEM_FILE).is_file():
+        return bundled / reference / PROBLEM_FILE
+    names = sorted(folder.parent.name for folder in bundled.glob(f"*/{PROBLEM_FILE}"))
+    raise GaitoptError(
+        f"{reference}: no such problem; allowed: a folder with {PROBLEM_FILE}, a problem TOML, "
+        f"or one of {', '.join(names)}"
+    )
+
+
+def _model_path(problem_path: Path, name: str | None) -> Path:
+    folder = problem_path.parent
+    if name is not None:
+        path = folder / name
+        if not path.resolve().is_relative_to(folder.resolve()):
+            raise bad_value(problem_path, "model", name, "a file inside the problem's folder")
+        if not path.is_file():
+            raise GaitoptError(f"{problem_path}: model: {path}: no such file")
+        return path
+    found = sorted(folder.glob("*.xml"))
+    if len(found) != 1:
+        raise GaitoptError(
+            f"{folder}: found {len(found)} MJCF files (*.xml); allowed: exactly one, or `model`"
+        )
+    return found[0]
+
+
+def _ceil(value: float) -> int:
+    """Round up, but not for the last bit of a quotient such as 4 / 0.1."""
+    return -int(-value * (1.0 - 1e-12) // 1.0)

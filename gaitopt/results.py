@@ -1,0 +1,246 @@
+"""Run folders: what a run leaves behind, whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import IO, Any
+
+import tomli_w
+
+from gaitopt.errors import GaitoptError
+from gaitopt.files import read_text, read_toml, write_text, write_with
+from gaitopt.gait import write_gait
+from gaitopt.model import nominal_mjcf
+from gaitopt.optimise.run import Optimised, Request
+from gaitopt.optimise.verification import Verified
+from gaitopt.problem import PROBLEM_FILE, Problem, load_problem
+
+RUNS = Path("results") / "runs"
+"""Where run folders go by default; git ignores it."""
+
+_REQUEST_FILE = "run.toml"
+_LOCK_FILE = ".lock"
+
+
+class RunFolder:
+    """A folder that holds one run: its problem, model, journal and results.
+
+    Holding it keeps every other run out; use it as a context manager. A folder that was made for a
+    run which ended before its first evaluation is removed again.
+    """
+
+    def __init__(self, path: Path, made: bool):
+        self.path = path
+        self._made = made
+        self._lock: IO[str] | None = None
+
+    @staticmethod
+    def create(path: Path | None, problem: Problem, request: Request) -> RunFolder:
+        """Make the folder of a new run and write its problem, model and request.
+
+        Raises:
+            GaitoptError: the folder holds something already, or cannot be written.
+        """
+        model = nominal_mjcf(problem)
+        path = path or _next_free(problem.name)
+        made = _make(path)
+        folder = RunFolder(path, made)
+        try:
+            folder.file("model.xml", lambda p: write_text(p, model))
+            folder.file(PROBLEM_FILE, lambda p: write_text(p, problem.to_toml("model.xml")))
+            content = asdict(request) | {"gaitopt": version("gaitopt"), "mujoco": version("mujoco")}
+            folder.file(_REQUEST_FILE, lambda p: write_text(p, tomli_w.dumps(content)))
+        except GaitoptError:
+            folder.discard()
+            raise
+        return folder
+
+    @staticmethod
+    def reopen(path: Path) -> tuple[RunFolder, Problem, Request]:
+        """Open the folder of an interrupted or finished run.
+
+        Raises:
+            GaitoptError: the folder does not hold a run.
+        """
+        if not (path / _REQUEST_FILE).is_file():
+            raise GaitoptError(f"--resume: {path}: not a run folder (no {_REQUEST_FILE})")
+        values = read_toml(path / _REQUEST_FILE)
+        try:
+            request = Request(**{key: values[key] for key in asdict(Request())})
+        except KeyError as error:
+            raise GaitoptError(f"{path / _REQUEST_FILE}: {error.args[0]}: missing; it is required") from None
+        return RunFolder(path, made=False), load_problem(path), request
+
+    def __enter__(self) -> RunFolder:
+        self._lock = _locked(self.path / _LOCK_FILE)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._lock is not None:
+            self._lock.close()
+            (self.path / _LOCK_FILE).unlink(missing_ok=True)
+        if self._made and not self.started:
+            self.discard()
+
+    @property
+    def journal(self) -> Path:
+        """The file of the evaluations."""
+        return self.path / "evaluations.csv"
+
+    @property
+    def started(self) -> bool:
+        """Whether the folder holds anything that took time to compute."""
+        return self.journal.exists() and len(read_text(self.journal).splitlines()) > 1
+
+    @property
+    def summary(self) -> dict[str, Any] | None:
+        """The summary of a finished run, or None."""
+        path = self.path / "summary.json"
+        return json.loads(read_text(path)) if path.exists() else None
+
+    def file(self, name: str, write: Callable[[Path], object]) -> Path:
+        """Write one file of the run whole or not at all, and return its path."""
+        path = self.path / name
+        try:
+            path.parent.mkdir(exist_ok=True)
+        except OSError as error:
+            raise GaitoptError(f"{path.parent}: cannot be made: {error.strerror}") from None
+        write_with(path, write)
+        return path
+
+    def discard(self) -> None:
+        """Remove the folder with what the run wrote into it, and nothing else."""
+        for name in (_REQUEST_FILE, PROBLEM_FILE, "model.xml", self.journal.name, _LOCK_FILE):
+            (self.path / name).unlink(missing_ok=True)
+        if self._made and self.path.is_dir() and not any(self.path.iterdir()):
+            self.path.rmdir()
+
+    def write_results(self, problem: Problem, optimised: Optimised) -> dict[str, Any]:
+        """Write the best gait and the summary, and return the summary."""
+        summary = summary_of(problem, optimised)
+        self.file("best.toml", lambda p: write_gait(p, optimised.best.gait))
+        self.file("summary.json", lambda p: write_text(p, to_json(summary)))
+        return summary
+
+
+def summary_of(problem: Problem, optimised: Optimised) -> dict[str, Any]:
+    """Return the content of ``summary.json``."""
+    best = optimised.best
+    fastest = max((b.speed for b in optimised.baselines), default=math.nan)
+    feasible = [b.speed for b in optimised.baselines if b.evaluation.constraints_met]
+    reference = problem.simulation.reference
+    return {
+        "problem": problem.name,
+        "seed": optimised.request.seed,
+        "budget": optimised.request.budget,
+        "method": optimised.request.method,
+        "evaluations": len(optimised.entries),
+        "simulated_s": optimised.simulated_s,
+        "wall_s": optimised.wall_s,
+        "baselines": [_row(baseline) for baseline in optimised.baselines],
+        "warm_start": None,
+        "best": _row(best) | {"found_by": optimised.found_by},
+        "verified": {
+            "timestep_s": reference.timestep_s,
+            "integrator": reference.integrator,
+            "scenarios": len(best.speeds),
+            "speed_m_s": best.speed,
+        },
+        "ratio_to_best_baseline": _ratio(best.speed, fastest),
+        "ratio_to_best_feasible_baseline": _ratio(best.speed, max(feasible, default=math.nan)),
+    }
+
+
+def _row(verified: Verified) -> dict[str, Any]:
+    evaluation = verified.evaluation
+    return {
+        "name": verified.gait.name,
+        "period_s": verified.gait.period_s,
+        "speed_m_s": verified.speed,
+        "speed_ci90_m_s": list(verified.speed_ci90),
+        "speed_worst_m_s": verified.worst,
+        "stride_m": verified.speed * verified.gait.period_s,
+        "constraints_met": evaluation.constraints_met,
+        "violations": {name: size for name, size in evaluation.violations.items() if size > 0.0},
+        "status": evaluation.status,
+        "metrics": evaluation.metrics,
+    }
+
+
+def _ratio(speed: float, baseline: float) -> float | None:
+    return speed / baseline if baseline > 0.0 else None
+
+
+def to_json(value: object) -> str:
+    """Return strict JSON; numbers that JSON does not know (inf, NaN) become null."""
+    return json.dumps(_finite(value), indent=1, allow_nan=False) + "\n"
+
+
+def _finite(value: object) -> object:
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def new_folder(path: Path | None, name: str) -> Path:
+    """Return a new or empty folder: `path`, or a numbered one under `RUNS`.
+
+    Raises:
+        GaitoptError: the folder holds something already, or cannot be made.
+    """
+    path = path or _next_free(name)
+    _make(path)
+    return path
+
+
+def _next_free(name: str) -> Path:
+    number = 1
+    while (RUNS / f"{name}-{number:03d}").exists():
+        number += 1
+    return RUNS / f"{name}-{number:03d}"
+
+
+def _make(path: Path) -> bool:
+    """Make a folder, or take an empty one; return whether it was made."""
+    if path.is_dir():
+        if (path / _REQUEST_FILE).exists() or (path / "evaluations.csv").exists():
+            raise GaitoptError(
+                f"--out: {path} already holds a run; choose another folder, or --resume {path}"
+            )
+        if any(path.iterdir()):
+            raise GaitoptError(f"--out: {path} is not empty; allowed: a new or an empty folder")
+        return False
+    try:
+        path.mkdir(parents=True)
+    except OSError as error:
+        raise GaitoptError(f"--out: {path}: cannot be made: {error.strerror}") from None
+    return True
+
+
+def _locked(path: Path) -> IO[str]:
+    """Return the open lock file; it is let go when the process ends, however it ends."""
+    try:
+        file = path.open("w")
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if path.exists():
+            raise GaitoptError(f"{path.parent}: another run is working in this folder") from None
+        raise GaitoptError(f"{path}: cannot be written: {error.strerror}") from None
+    return file

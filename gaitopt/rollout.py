@@ -1,0 +1,220 @@
+"""Gaits in, trajectories out: MuJoCo's compiled rollouts over scenarios and gaits."""
+
+from __future__ import annotations
+
+import copy
+import math
+import threading
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch, SimulationError
+from numpy.typing import NDArray
+
+from gaitopt.gait import Gait
+from gaitopt.model import START, build_instrumented, scalar_joints, start_targets, with_fidelity
+from gaitopt.problem import Fidelity, Problem
+from gaitopt.trajectory import Trajectory
+
+_SAMPLE_S = 1e-3
+"""Trajectories keep one sample a millisecond, or every step where steps are longer."""
+
+_FRAME_EDGE = 1e-9
+"""Frames: a time this close before a frame counts as after it."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One draw of what is never known exactly.
+
+    Attributes:
+        friction: factor on every friction coefficient.
+        servo_strength: factor on every torque limit; the supply voltage does the same to a servo.
+        start_pose_rad: standard deviation of the errors of the joints' start angles and of the heading.
+        pose_seed: seed of those errors.
+        framed: commands are sampled at the servo's frame rate and act one frame late.
+    """
+
+    friction: float = 1.0
+    servo_strength: float = 1.0
+    start_pose_rad: float = 0.0
+    pose_seed: int = 0
+    framed: bool = False
+
+
+NOMINAL = Scenario()
+
+
+@dataclass(frozen=True)
+class Simulator:
+    """A problem's robot in several scenarios at one fidelity; safe to use from several threads.
+
+    Attributes:
+        problem: the problem.
+        fidelity: timestep and integrator.
+        scenarios: the scenarios that `run` picks from by index.
+        models: one compiled model per scenario.
+        signals: signal in each place of ``sensordata``; None where it is not kept.
+    """
+
+    problem: Problem
+    fidelity: Fidelity
+    scenarios: tuple[Scenario, ...]
+    models: tuple[mujoco.MjModel, ...]
+    signals: tuple[str | None, ...]
+    _local: threading.local
+
+    @staticmethod
+    def build(
+        problem: Problem, scenarios: Sequence[Scenario] = (NOMINAL,), fidelity: Fidelity | None = None
+    ) -> Simulator:
+        """Compile the problem's model for each scenario.
+
+        Raises:
+            GaitoptError: the model does not compile or does not fit the problem.
+        """
+        fidelity = fidelity or problem.simulation.working
+        model, signals = build_instrumented(problem)
+        model = with_fidelity(model, fidelity)
+        models = tuple(_scenario_model(model, problem, scenario) for scenario in scenarios)
+        return Simulator(problem, fidelity, tuple(scenarios), models, tuple(signals), threading.local())
+
+    def at(self, fidelity: Fidelity) -> Simulator:
+        """Return the same robot and scenarios at another fidelity."""
+        models = tuple(with_fidelity(model, fidelity) for model in self.models)
+        return Simulator(self.problem, fidelity, self.scenarios, models, self.signals, threading.local())
+
+    def duration(self, gait: Gait) -> float:
+        """Return how long a rollout of `gait` lasts: transient and measured cycles, s."""
+        transient, measured = self.problem.simulation.horizon.cycles(gait.period_s)
+        return (transient + measured) * gait.period_s
+
+    def run(self, gait: Gait, scenario: int = 0, duration: float | None = None) -> Trajectory:
+        """Simulate one gait in one scenario from the start pose.
+
+        Args:
+            gait: the gait, its channels in the problem's order.
+            scenario: index into `scenarios`.
+            duration: length, s; the problem's horizon by default.
+
+        Returns:
+            The trajectory, sampled each millisecond from t = 0 to at least `duration`. A simulation
+            that diverges keeps its last good values and says so in `status`.
+        """
+        time = self.clock(self.duration(gait) if duration is None else duration)
+        commands = servo_commands(self.problem, gait, time, self.scenarios[scenario].framed)
+        return self.play(time, commands, scenario)
+
+    def clock(self, duration: float) -> NDArray[np.float64]:
+        """Return the times of the steps from 0 to at least `duration`, s, shape (n,)."""
+        steps = math.ceil(duration / self.fidelity.timestep_s * (1.0 - 1e-12)) + 1
+        return np.arange(steps, dtype=float) * self.fidelity.timestep_s
+
+    def play(self, time: NDArray[np.float64], commands: NDArray[np.float64], scenario: int = 0) -> Trajectory:
+        """Simulate commands, one row per step, rad, shape (n, nu), from the start pose."""
+        steps = len(time)
+        batch = self._batch()
+        batch.set_models(self.models[scenario])
+        batch.reset(keyframe=batch.model.keyframe(START).id, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        if self.scenarios[scenario].start_pose_rad:
+            _disturb(batch, self.scenarios[scenario], self.problem)
+        try:
+            recorded = batch.rollout(
+                steps, commands[None], record=("sensordata",), out=self._buffer(batch, steps)
+            )
+        except SimulationError as error:
+            return Trajectory(time[:0], {}, f"failed: {error}")
+        status = f"diverged: {_warnings(batch)}" if batch.warning[0, :, 1].any() else "ok"
+        return self._trajectory(time, commands, recorded["sensordata"][0], status)
+
+    def _trajectory(
+        self, time: NDArray[np.float64], commands: NDArray[np.float64], data: NDArray[np.float64], status: str
+    ) -> Trajectory:
+        every = max(1, round(_SAMPLE_S / self.fidelity.timestep_s))
+        columns = np.ascontiguousarray(data[::every].T)
+        signals = {name: columns[i] for i, name in enumerate(self.signals) if name is not None}
+        for index, name in enumerate(self.problem.channel_names):
+            signals[f"target.{name}"] = commands[::every, index]
+        return Trajectory(time[::every], signals, status)
+
+    def _batch(self) -> Batch:
+        """Return this thread's MuJoCo data, made on first use."""
+        if not hasattr(self._local, "batch"):
+            self._local.batch = Batch(self.models[0], nsim=1, nthread=1)
+            self._local.buffer = np.empty(0)
+        batch: Batch = self._local.batch
+        return batch
+
+    def _buffer(self, batch: Batch, steps: int) -> dict[str, NDArray[np.float64]]:
+        """Return this thread's reused output array: fresh pages cost as much as the metrics do."""
+        size = steps * batch.model.nsensordata
+        if self._local.buffer.size < size:
+            self._local.buffer = np.empty(size)
+        return {"sensordata": self._local.buffer[:size].reshape(1, steps, -1)}
+
+
+def servo_commands(
+    problem: Problem, gait: Gait, time: NDArray[np.float64], framed: bool = False
+) -> NDArray[np.float64]:
+    """Return what is sent to each actuator, rad, shape (n, nu).
+
+    Args:
+        problem: the problem.
+        gait: the gait.
+        time: gait times, s, shape (n,).
+        framed: as a servo gets it: the targets at the start of a frame act from the next frame on, and
+            before that the start's targets are held.
+    """
+    if not framed:
+        return gait.targets(time)
+    frame_s = problem.file.servo.frame_s
+    frame = np.floor(time / frame_s + _FRAME_EDGE)
+    sent = gait.targets((frame - 1.0) * frame_s)
+    return np.where((frame < 1.0)[:, None], start_targets(problem), sent)
+
+
+def draw_scenarios(problem: Problem, count: int, seed: Iterable[int]) -> tuple[Scenario, ...]:
+    """Return `count` scenarios; the same seed gives the same ones.
+
+    The last is played as the servo gets it, where the problem says so (`ScenarioSpread.framed`).
+    """
+    spread = problem.file.scenarios
+    rng = np.random.default_rng(list(seed))
+    scenarios = []
+    for index in range(count):
+        friction, strength = 1.0 + rng.uniform(-1.0, 1.0, 2) * (spread.friction, spread.servo_strength)
+        pose_seed = int(rng.integers(2**31))
+        framed = spread.framed and index == count - 1
+        scenarios.append(Scenario(float(friction), float(strength), spread.start_pose_rad, pose_seed, framed))
+    return tuple(scenarios)
+
+
+def _scenario_model(model: mujoco.MjModel, problem: Problem, scenario: Scenario) -> mujoco.MjModel:
+    model = copy.copy(model)
+    touching = problem.roles.pads + problem.roles.body
+    for name in touching or [model.geom(i).name for i in range(model.ngeom)]:
+        model.geom(name).friction[:] *= scenario.friction
+    model.actuator_forcerange[:] *= scenario.servo_strength
+    return model
+
+
+def _disturb(batch: Batch, scenario: Scenario, problem: Problem) -> None:
+    """Add start-pose errors to the hinge and slide joints, and turn a free first body about up."""
+    model = batch.model
+    qpos = batch.bind("qpos")[0]
+    rng = np.random.default_rng(scenario.pose_seed)
+    addresses = model.jnt_qposadr[scalar_joints(model)]
+    qpos[addresses] += scenario.start_pose_rad * rng.standard_normal(len(addresses))
+    if model.njnt and int(model.jnt_type[0]) == int(mujoco.mjtJoint.mjJNT_FREE):
+        turn, turned = np.empty(4), np.empty(4)
+        angle = scenario.start_pose_rad * rng.standard_normal()
+        mujoco.mju_axisAngle2Quat(turn, np.array(problem.roles.up), angle)
+        mujoco.mju_mulQuat(turned, turn, qpos[3:7].copy())
+        qpos[3:7] = turned
+
+
+def _warnings(batch: Batch) -> str:
+    raised = np.flatnonzero(batch.warning[0, :, 1])
+    return ", ".join(mujoco.mjtWarning(int(i)).name.removeprefix("mjWARN_").lower() for i in raised)
