@@ -68,7 +68,8 @@ def measure(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) 
     rate = trajectory.stacked("rate")[window]
     shaft_torque = torque - robot.damping * rate
     power = float(np.maximum(shaft_torque * rate, 0.0).sum(axis=1).mean())
-    peaks = gait.peak_command_speed() / robot.no_load_speed
+    limited = np.isfinite(robot.no_load_speed)
+    peaks = gait.peak_command_speed()[limited] / robot.no_load_speed[limited]
     depth = trajectory["depth"][window]
     values = {
         "speed_m_s": speed,

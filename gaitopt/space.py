@@ -110,7 +110,7 @@ class GaitSpace:
             point.append(_share(space.amplitude_deg, channel.amplitude_deg))
             point.append(_share(space.offset_deg(channel.amplitude_deg), channel.offset_deg))
             point.append(_share(space.smoothing, channel.smoothing))
-        return np.clip(np.array(point), 0.0, 1.0)
+        return np.array(point).clip(0.0, 1.0)
 
 
 def _at(bounds: Range, share: float) -> float:
