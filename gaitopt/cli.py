@@ -80,6 +80,15 @@ def build_parser() -> argparse.ArgumentParser:
     _add_search_options(optimise)
     _add_output_options(optimise)
 
+    plan = command(
+        "plan",
+        _plan,
+        "plan gaits with the reduced planar model, without MuJoCo's steps",
+        "gaitopt plan arcfold",
+    )
+    plan.add_argument("--seed", type=int, default=1, help="seed of the random starts (default: %(default)s)")
+    plan.add_argument("--json", action="store_true", help="print JSON and nothing else")
+
     simulate = command(
         "simulate", _simulate, "simulate one gait", "gaitopt simulate arcfold square-1s --csv walk.csv"
     )
@@ -241,9 +250,7 @@ def _open_run(options: argparse.Namespace) -> tuple[Any, Problem, Any]:
     budget = DEFAULT_BUDGET if options.budget is None else options.budget
     if budget < 1:
         raise GaitoptError(f"--budget: found {budget}; allowed: 1 or more")
-    seed = 1 if options.seed is None else options.seed
-    if seed < 0:
-        raise GaitoptError(f"--seed: found {seed}; allowed: 0 or more")
+    seed = _seed(options.seed)
     method = options.method or "default"
     if method not in METHODS:
         raise GaitoptError(
@@ -261,6 +268,38 @@ def _say_how_to_resume(path: Path, journal: Any) -> None:
         f"go on with: gaitopt optimise {path} --resume {path}",
         file=sys.stderr,
     )
+
+
+def _plan(options: argparse.Namespace) -> None:
+    from gaitopt.plan import Planner, PlanSettings, plan_rows
+    from gaitopt.results import to_json
+
+    problem = _load(options)
+    plan = Planner(problem, PlanSettings(seed=_seed(options.seed))).plan()
+    if options.json:
+        print(to_json(plan_rows(plan)), end="")
+        return
+    for line in plan.dropped:
+        print(f"dropped: {line}")
+    rows = [
+        {"name": e.gait.name, "period_s": e.gait.period_s, "predicted_speed_m_s": e.predicted_speed_m_s}
+        for e in plan.elites
+    ]
+    rows += [
+        {"name": name, "period_s": problem.baselines[name].period_s, "predicted_speed_m_s": speed}
+        for name, speed in plan.baselines.items()
+    ]
+    _print_rows(rows, as_json=False)
+    for name, creep in plan.creep.items():
+        print(f"{name}: smoothed friction changes the predicted speed by {1e3 * creep:+.2f} mm/s")
+
+
+def _seed(value: int | None) -> int:
+    if value is None:
+        return 1
+    if value < 0:
+        raise GaitoptError(f"--seed: found {value}; allowed: 0 or more")
+    return value
 
 
 def _simulate(options: argparse.Namespace) -> None:
@@ -316,7 +355,7 @@ def _compare(options: argparse.Namespace) -> None:
     check_objective(problem)
     gaits = [problem.find_gait(name) for name in options.gaits]
     with open_executor("threads", options.workers) as executor:
-        rows = compare(problem, gaits, options.seed, executor)
+        rows = compare(problem, gaits, _seed(options.seed), executor)
     _print_rows(rows, options.json)
     if not options.json:
         for row in rows[1:]:

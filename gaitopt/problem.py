@@ -224,6 +224,29 @@ class Objective(_Record):
     penalty: _Positive = 1.0
 
 
+class Planar(_Record):
+    """What the reduced planar model needs to know of a two-module crawler; all figures are the MJCF's.
+
+    Attributes:
+        middle, rear_foot, front_foot: channels that fold the arch and swing the feet.
+        rear_bodies, front_bodies: bodies that move with the rear and the front module.
+        rear_pad, front_pad: geoms of the pads.
+        rear_underside, front_underside: geoms that the modules stand on when their pad is retracted.
+        links: two bodies one link apart when the arch is flat.
+    """
+
+    middle: str
+    rear_foot: str
+    front_foot: str
+    rear_bodies: list[str]
+    front_bodies: list[str]
+    rear_pad: str
+    front_pad: str
+    rear_underside: str
+    front_underside: str
+    links: tuple[str, str]
+
+
 class _Gait(_Record):
     period_s: tuple[_Positive, _Positive]
 
@@ -244,6 +267,7 @@ class ProblemFile(_Record):
     servo: Servo = Servo()
     scenarios: ScenarioSpread = ScenarioSpread()
     objective: Objective
+    planar: Planar | None = None
 
     @model_validator(mode="after")
     def _check(self) -> ProblemFile:

@@ -144,7 +144,8 @@ def summary_of(problem: Problem, optimised: Optimised) -> dict[str, Any]:
         "simulated_s": optimised.simulated_s,
         "wall_s": optimised.wall_s,
         "baselines": [_row(baseline) for baseline in optimised.baselines],
-        "warm_start": None,
+        "warm_start": _warm_start(optimised),
+        "notes": list(optimised.notes),
         "best": _row(best) | {"found_by": optimised.found_by},
         "verified": {
             "timestep_s": reference.timestep_s,
@@ -154,6 +155,20 @@ def summary_of(problem: Problem, optimised: Optimised) -> dict[str, Any]:
         },
         "ratio_to_best_baseline": _ratio(best.speed, fastest),
         "ratio_to_best_feasible_baseline": _ratio(best.speed, max(feasible, default=math.nan)),
+    }
+
+
+def _warm_start(optimised: Optimised) -> dict[str, Any] | None:
+    if optimised.warm_start is None or optimised.plan is None:
+        return None
+    verified, predicted = optimised.warm_start
+    return {
+        "predicted_speed_m_s": predicted,
+        "speed_m_s": verified.speed,
+        "speed_ci90_m_s": list(verified.speed_ci90),
+        "elites": len(optimised.plan.elites),
+        "dropped": list(optimised.plan.dropped),
+        "rank_correlation": optimised.rank_correlation,
     }
 
 

@@ -7,6 +7,7 @@ after Auger and Hansen, "A Restart CMA Evolution Strategy With Increasing Popula
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,6 +21,7 @@ def minimise(
     sigma: float,
     budget: int,
     rng: np.random.Generator,
+    known: Sequence[Point] = (),
     restarts: int = 100,
 ) -> Solution:
     """Search from `x0` with steps of about `sigma` until the budget is spent.
@@ -33,6 +35,7 @@ def minimise(
         sigma: initial standard deviation, in units of the box.
         budget: evaluations allowed; the last population is cut to fit.
         rng: source of all randomness.
+        known: further good points; the first population takes them in, and with them their directions.
         restarts: how many further runs may follow the first.
     """
     import cma
@@ -50,6 +53,8 @@ def minimise(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pycma warns of its own option checks
             strategy = cma.CMAEvolutionStrategy(x0, sigma, options)
+        strategy.inject(list(known))
+        known = ()
         while not strategy.stop():
             candidates = np.array(strategy.ask())[: budget - spent]
             costs = evaluate(candidates)

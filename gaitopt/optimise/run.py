@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+
+from scipy import stats
 
 from gaitopt.errors import GaitoptError
 from gaitopt.gait import Gait
 from gaitopt.objective import check_objective
 from gaitopt.optimise.evaluator import Evaluator, Setting
 from gaitopt.optimise.journal import Entry, Journal
-from gaitopt.optimise.study import Progress, Study
+from gaitopt.optimise.study import Progress, Study, quasi_random
 from gaitopt.optimise.verification import SEARCH, SELECTION, Verified, scenarios_of, verify
+from gaitopt.plan import Elite, Plan, Planner, PlanSettings
 from gaitopt.problem import Problem
+from gaitopt.rollout import NOMINAL
 
 DEFAULT_BUDGET = 600
 
 _FINALISTS = 5
+_SAMPLE = 24
+"""Random gaits over which the planar model is held against MuJoCo."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +45,10 @@ class Optimised:
     Attributes:
         request: what was asked for.
         entries: every evaluation of the search, in order.
+        plan: the plan that the search started from; None for a cold search.
+        warm_start: the best planned gait in MuJoCo, verified, with its predicted speed in m/s.
+        rank_correlation: Spearman's of planar and MuJoCo speeds over random gaits; None for a cold search.
+        notes: what the user should know, such as why the search was cold.
         found_by: the method, or the baseline, that the winner comes from.
         best: the winner, verified.
         baselines: the hand-tuned gaits, verified.
@@ -47,6 +58,10 @@ class Optimised:
 
     request: Request
     entries: list[Entry]
+    plan: Plan | None
+    warm_start: tuple[Verified, float] | None
+    rank_correlation: float | None
+    notes: tuple[str, ...]
     found_by: str
     best: Verified
     baselines: list[Verified]
@@ -71,19 +86,69 @@ def optimise(
     setting = Setting.of(problem, scenarios_of(problem, request.seed, SEARCH), problem.simulation.working)
     evaluator = Evaluator(setting, executor)
     study = Study(evaluator, journal, request.budget, request.seed, on_progress)
-    names = list(problem.baselines)
-    known = evaluator([problem.baselines[name] for name in names])
-    starts = [
-        (problem.baselines[n], evaluation.cost) for n, (evaluation, _) in zip(names, known, strict=True)
-    ]
-    study.run(request.method, starts)
-    finalists = _finalists(study.entries, starts)
-    winner, found_by, selection_s = _select(problem, finalists, request.seed, executor)
-    best, *baselines = verify(problem, [winner, *problem.baselines.values()], request.seed, executor)
-    simulated = sum(outcome.simulated_s for _, row in known for outcome in row) + selection_s
+    baselines = list(problem.baselines.values())
+    known = evaluator(baselines)
+    starts = [(gait, evaluation.cost) for gait, (evaluation, _) in zip(baselines, known, strict=True)]
+    planner, notes = _planner(problem, request)
+    plan = planner.plan() if planner else None
+    if plan is not None and not plan.elites:
+        notes += ("no start of the plan converged, so the search is cold",)
+    elites = plan.elites if plan else ()
+    study.run(request.method, starts, [elite.gait for elite in elites])
+    winner, found_by, selection_s = _select(
+        problem, _finalists(study.entries, starts), request.seed, executor
+    )
+    planned = _best_elite(study.entries, elites)
+    gaits = [winner, *baselines, *([planned.gait] if planned else [])]
+    best, *others = verify(problem, gaits, request.seed, executor)
+    correlation, sample_s = _correlation(evaluator, planner, request.seed) if planner else (None, 0.0)
+    simulated = sum(outcome.simulated_s for _, row in known for outcome in row) + selection_s + sample_s
     simulated += sum(entry.simulated_s for entry in study.entries)
-    simulated += sum(verified.simulated_s for verified in [best, *baselines])
-    return Optimised(request, study.entries, found_by, best, baselines, simulated, time.monotonic() - began)
+    simulated += sum(verified.simulated_s for verified in [best, *others])
+    return Optimised(
+        request=request,
+        entries=study.entries,
+        plan=plan,
+        warm_start=(others[-1], planned.predicted_speed_m_s) if planned else None,
+        rank_correlation=correlation,
+        notes=notes,
+        found_by=found_by,
+        best=best,
+        baselines=others[: len(baselines)],
+        simulated_s=simulated,
+        wall_s=time.monotonic() - began,
+    )
+
+
+def _planner(problem: Problem, request: Request) -> tuple[Planner | None, tuple[str, ...]]:
+    """Return the planner of a warm start, or None and why the search is cold."""
+    if not request.warm_start:
+        return None, ()
+    if problem.file.planar is None:
+        return None, (f"{problem.name} has no [planar] section, so the search is cold",)
+    return Planner(problem, PlanSettings(seed=request.seed)), ()
+
+
+def _best_elite(entries: Sequence[Entry], elites: Sequence[Elite]) -> Elite | None:
+    """Return the planned gait that was fastest in MuJoCo; the first entries are the plan's."""
+    speeds = [e.evaluation.metrics["speed_m_s"] for e in entries[: len(elites)] if e.method == "plan"]
+    ranked = sorted(range(len(speeds)), key=lambda i: -speeds[i] if math.isfinite(speeds[i]) else math.inf)
+    return elites[ranked[0]] if ranked else None
+
+
+def _correlation(evaluator: Evaluator, planner: Planner, seed: int) -> tuple[float, float]:
+    """Return how well planar and MuJoCo speeds rank alike over random gaits, and the seconds simulated."""
+    setting = evaluator.setting
+    nominal = Evaluator(Setting.of(setting.problem, (NOMINAL,), setting.fidelity), evaluator.executor)
+    points = quasi_random(setting.problem.space, _SAMPLE, seed)
+    gaits = [setting.problem.space.decode(point) for point in points]
+    outcomes = [row[0] for row in nominal.outcomes(gaits)]
+    pairs = [
+        (planner.predicted_speed(gait), outcome.metrics["speed_m_s"])
+        for gait, outcome in zip(gaits, outcomes, strict=True)
+        if outcome.status == "ok"
+    ]
+    return float(stats.spearmanr(*zip(*pairs, strict=True)).statistic), sum(o.simulated_s for o in outcomes)
 
 
 def _select(

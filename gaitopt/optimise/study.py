@@ -15,22 +15,24 @@ from gaitopt.optimise import cma_es, nelder_mead
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.solution import Box
+from gaitopt.space import GaitSpace
 
 METHODS = ("default", "cma-es", "nelder-mead")
 
+_FIRST = 0.1
+"""Share of the budget that the default method spends on a quasi-random first batch."""
+
+_POLISH = 0.15
+"""Share of the budget that the default method leaves to Nelder–Mead; the rest is CMA-ES's."""
+
 _SPREAD = 0.2
-"""First standard deviation of CMA-ES, in units of the box."""
+"""First standard deviation of a cold search, in units of the box."""
+
+_PLANNED_SPREAD = 0.05
+"""The same where a plan says where to start."""
 
 _POLISH_EDGE = 0.05
-"""Edge of Nelder–Mead's first simplex as a polish, and `_SPREAD` where it searches alone."""
-
-
-@dataclass(frozen=True)
-class Shares:
-    """How the default method spends its budget; the rest is CMA-ES's."""
-
-    first: float = 0.1
-    polish: float = 0.15
+"""Edge of Nelder–Mead's first simplex as a polish."""
 
 
 @dataclass(frozen=True)
@@ -71,12 +73,15 @@ class Study:
         """The best gait so far: lowest cost, the earliest of equals."""
         return min(self.entries, key=lambda entry: (entry.evaluation.cost, entry.index))
 
-    def run(self, method: str, starts: Sequence[tuple[Gait, float]]) -> Entry:
+    def run(
+        self, method: str, starts: Sequence[tuple[Gait, float]] = (), planned: Sequence[Gait] = ()
+    ) -> Entry:
         """Spend the budget and return the best gait.
 
         Args:
             method: one of `METHODS`.
             starts: gaits whose cost is already known, such as the baselines.
+            planned: gaits of a plan, evaluated first; without them a quasi-random batch is.
 
         Raises:
             GaitoptError: there is no such method.
@@ -84,34 +89,51 @@ class Study:
         if method not in METHODS:
             allowed = f"{', '.join(METHODS)}{nearest(method, METHODS)}"
             raise GaitoptError(f"--method: found {method!r}; allowed: {allowed}")
-        box = Box(self._space.circular)
         known = [(self._space.encode(gait), cost) for gait, cost in starts]
-        if method == "default":
-            shares = Shares()
-            first = max(1, round(shares.first * self.budget))
-            polish = round(shares.polish * self.budget)
-            points = self._quasi_random(first)
-            known += list(zip(points, self._evaluate("quasi-random", points).tolist(), strict=True))
-            self._search("cma-es", box, _lowest(known), self.budget - first - polish)
-            self._search("nelder-mead", box, self.best.point, self.budget - len(self.entries), _POLISH_EDGE)
+        if planned:
+            points = np.array([self._space.encode(gait) for gait in planned])[: self.budget]
+            known += self._known("plan", points)
+        elif method == "default":
+            known += self._known(
+                "quasi-random", quasi_random(self._space, max(1, round(_FIRST * self.budget)), self.seed)
+            )
+        ranked = [point for point, _ in sorted(known, key=lambda pair: pair[1])]
+        start = ranked[0] if ranked else np.full(len(self._space.variables), 0.5)
+        others = [self._beside(point, start) for point in ranked[1:]] if planned else []
+        spread = _PLANNED_SPREAD if planned else _SPREAD
+        if method == "nelder-mead":
+            self._polish(start, self._left, spread)
+        elif method == "cma-es":
+            self._search(start, self._left, spread, others)
         else:
-            start = _lowest(known) if known else np.full(box.dimension, 0.5)
-            self._search(method, box, start, self.budget)
+            self._search(start, self._left - round(_POLISH * self.budget), spread, others)
+            self._polish(self.best.point, self._left, _POLISH_EDGE)
         return self.best
 
-    def _search(
-        self, method: str, box: Box, x0: NDArray[np.float64], budget: int, sigma: float = _SPREAD
-    ) -> None:
-        if budget < 1:
-            return
-        rng = np.random.default_rng([self.seed, METHODS.index(method)])
-        optimiser = {"cma-es": cma_es, "nelder-mead": nelder_mead}[method]
-        optimiser.minimise(lambda points: self._evaluate(method, points), box, x0, sigma, budget, rng)
+    @property
+    def _left(self) -> int:
+        return self.budget - len(self.entries)
 
-    def _quasi_random(self, count: int) -> NDArray[np.float64]:
-        sampler = qmc.Sobol(len(self._space.variables), rng=np.random.default_rng([self.seed, len(METHODS)]))
-        points: NDArray[np.float64] = sampler.random_base2(max(0, (count - 1).bit_length()))
-        return points[:count]
+    def _known(self, method: str, points: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], float]]:
+        return list(zip(points, self._evaluate(method, points).tolist(), strict=True))
+
+    def _beside(self, point: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `point` with each phase on the turn of the circle that is nearest to `centre`."""
+        return np.where(self._space.circular, centre + (point - centre + 0.5) % 1.0 - 0.5, point)
+
+    def _search(
+        self, x0: NDArray[np.float64], budget: int, sigma: float, others: Sequence[NDArray[np.float64]]
+    ) -> None:
+        if budget > 0:
+            rng = np.random.default_rng([self.seed, METHODS.index("cma-es")])
+            box = Box(self._space.circular)
+            cma_es.minimise(lambda x: self._evaluate("cma-es", x), box, x0, sigma, budget, rng, others)
+
+    def _polish(self, x0: NDArray[np.float64], budget: int, edge: float) -> None:
+        if budget > 0:
+            rng = np.random.default_rng([self.seed, METHODS.index("nelder-mead")])
+            box = Box(self._space.circular)
+            nelder_mead.minimise(lambda x: self._evaluate("nelder-mead", x), box, x0, edge, budget, rng)
 
     def _evaluate(self, method: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the costs of candidates, from the journal where it has them."""
@@ -144,5 +166,8 @@ class Study:
         return entries
 
 
-def _lowest(known: Sequence[tuple[NDArray[np.float64], float]]) -> NDArray[np.float64]:
-    return min(known, key=lambda pair: pair[1])[0]
+def quasi_random(space: GaitSpace, count: int, seed: int) -> NDArray[np.float64]:
+    """Return scrambled Sobol points of the unit box, shape (count, d)."""
+    sampler = qmc.Sobol(len(space.variables), rng=np.random.default_rng([seed, len(METHODS)]))
+    points: NDArray[np.float64] = sampler.random_base2(max(0, (count - 1).bit_length()))
+    return points[:count]
