@@ -11,10 +11,12 @@ from typing import Annotated, Any, Literal
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from gaitopt.calibration import Calibration
 from gaitopt.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.files import read_toml, validated
 from gaitopt.gait import Channel, Gait, read_gait
 from gaitopt.space import ChannelSpace, GaitSpace
+from gaitopt.table import is_table, read_table
 
 PROBLEM_FILE = "problem.toml"
 
@@ -92,12 +94,13 @@ class Start(_Record):
 
 
 class ChannelBounds(_Record):
-    """What a search may do with one actuator; see `ChannelSpace`."""
+    """What a search may do with one actuator (see `ChannelSpace`), and the servo that is behind it."""
 
     range_deg: _Interval
     amplitude_deg: _Interval
     duty: _Interval = (0.1, 0.9)
     smoothing: _Interval = (0.0, 1.0)
+    servo: Calibration = Calibration()
 
     @model_validator(mode="after")
     def _check(self) -> ChannelBounds:
@@ -184,6 +187,7 @@ class ScenarioSpread(_Record):
         search, verification: how many scenarios each uses; those of verification are never searched on.
         friction: half-width of the uniform relative change of every friction coefficient.
         servo_strength: half-width of the uniform relative change of the servos' torque limit.
+        servo_trim_deg: half-width of the uniform zero error of each servo.
         start_pose_rad: standard deviation of the error of each joint's start angle and of the heading.
         framed: the last scenario is played at the servo's frame rate, one frame late.
     """
@@ -192,6 +196,7 @@ class ScenarioSpread(_Record):
     verification: Annotated[int, Field(ge=2, le=1000)] = 16
     friction: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.15
     servo_strength: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.1
+    servo_trim_deg: Annotated[float, Field(ge=0.0, le=45.0)] = 0.0
     start_pose_rad: Annotated[float, Field(ge=0.0, le=0.5)] = 0.005
     framed: bool = True
 
@@ -339,11 +344,12 @@ class Problem:
         """Channels in the order of the file, which is the model's actuator order."""
         return list(self.file.channels)
 
-    def check_gait(self, gait: Gait, source: object) -> Gait:
+    def check_gait(self, gait: Gait, source: object, in_range: bool = True) -> Gait:
         """Return `gait` with its channels in the problem's order.
 
         Raises:
-            GaitoptError: a channel is unknown or missing, or a target lies outside the servo's travel.
+            GaitoptError: a channel is unknown or missing, or (if `in_range`) a target lies outside the
+                servo's travel.
         """
         for name in gait.channels:
             if name not in self.file.channels:
@@ -353,7 +359,7 @@ class Problem:
             if name not in gait.channels:
                 raise GaitoptError(f"{source}: channels.{name}: missing; every channel needs a wave")
             low, high = gait.channels[name].extremes_deg
-            if low < bounds.range_deg[0] - 1e-9 or high > bounds.range_deg[1] + 1e-9:
+            if in_range and (low < bounds.range_deg[0] - 1e-9 or high > bounds.range_deg[1] + 1e-9):
                 raise bad_value(
                     source,
                     f"channels.{name}",
@@ -363,11 +369,11 @@ class Problem:
             ordered[name] = gait.channels[name]
         return Gait(gait.period_s, ordered, gait.name)
 
-    def find_gait(self, reference: str) -> Gait:
-        """Return a gait by baseline name, gait file or run folder (its best gait).
+    def find_gait(self, reference: str, in_range: bool = True) -> Gait:
+        """Return a gait by baseline name, gait file, exported table or run folder (its best gait).
 
         Raises:
-            GaitoptError: there is no such gait, or it does not fit the problem.
+            GaitoptError: there is no such gait, or it does not fit the problem; see `check_gait`.
         """
         if reference in self.baselines:
             return self.baselines[reference]
@@ -379,9 +385,11 @@ class Problem:
         elif not path.exists():
             known = ", ".join(self.baselines) or "none"
             raise GaitoptError(
-                f"{reference}: neither a baseline nor a gait file nor a run folder; baselines: {known}"
+                f"{reference}: neither a baseline nor a gait file, exported table or run folder; "
+                f"baselines: {known}"
             )
-        return self.check_gait(read_gait(path), path)
+        gait = read_table(path).gait if is_table(path) else read_gait(path)
+        return self.check_gait(gait, path, in_range)
 
     def with_parameters(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with some named parameters changed.

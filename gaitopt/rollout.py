@@ -32,6 +32,7 @@ class Scenario:
     Attributes:
         friction: factor on every friction coefficient.
         servo_strength: factor on every torque limit; the supply voltage does the same to a servo.
+        servo_trim: zero error of each servo, rad; none where it is empty.
         start_pose_rad: standard deviation of the errors of the joints' start angles and of the heading.
         pose_seed: seed of those errors.
         framed: commands are sampled at the servo's frame rate and act one frame late.
@@ -39,6 +40,7 @@ class Scenario:
 
     friction: float = 1.0
     servo_strength: float = 1.0
+    servo_trim: tuple[float, ...] = ()
     start_pose_rad: float = 0.0
     pose_seed: int = 0
     framed: bool = False
@@ -104,7 +106,10 @@ class Simulator:
             that diverges keeps its last good values and says so in `status`.
         """
         time = self.clock(self.duration(gait) if duration is None else duration)
-        commands = servo_commands(self.problem, gait, time, self.scenarios[scenario].framed)
+        drawn = self.scenarios[scenario]
+        commands = servo_commands(self.problem, gait, time, drawn.framed)
+        if drawn.servo_trim:
+            commands = commands + drawn.servo_trim
         return self.play(time, commands, scenario)
 
     def clock(self, duration: float) -> NDArray[np.float64]:
@@ -185,9 +190,19 @@ def draw_scenarios(problem: Problem, count: int, seed: Iterable[int]) -> tuple[S
     scenarios = []
     for index in range(count):
         friction, strength = 1.0 + rng.uniform(-1.0, 1.0, 2) * (spread.friction, spread.servo_strength)
+        trim = math.radians(spread.servo_trim_deg) * rng.uniform(-1.0, 1.0, len(problem.channel_names))
         pose_seed = int(rng.integers(2**31))
         framed = spread.framed and index == count - 1
-        scenarios.append(Scenario(float(friction), float(strength), spread.start_pose_rad, pose_seed, framed))
+        scenarios.append(
+            Scenario(
+                friction=float(friction),
+                servo_strength=float(strength),
+                servo_trim=tuple(trim.tolist()),
+                start_pose_rad=spread.start_pose_rad,
+                pose_seed=pose_seed,
+                framed=framed,
+            )
+        )
     return tuple(scenarios)
 
 
