@@ -92,7 +92,7 @@ def build_parser() -> argparse.ArgumentParser:
     simulate = command(
         "simulate", _simulate, "simulate one gait", "gaitopt simulate arcfold square-1s --csv walk.csv"
     )
-    simulate.add_argument("gait", metavar="GAIT", help="baseline, gait file or run folder")
+    simulate.add_argument("gait", metavar="GAIT", help="baseline, gait file, exported table or run folder")
     simulate.add_argument("--csv", type=Path, metavar="F", help="write the time series here")
     simulate.add_argument("--json", action="store_true", help="print JSON and nothing else")
 
@@ -115,7 +115,9 @@ def build_parser() -> argparse.ArgumentParser:
         "compare gaits over the same scenarios, with intervals",
         "gaitopt compare arcfold square-2s square-1s",
     )
-    compare.add_argument("gaits", metavar="GAIT", nargs="+", help="baselines, gait files or run folders")
+    compare.add_argument(
+        "gaits", metavar="GAIT", nargs="+", help="baselines, gait files, exported tables or run folders"
+    )
     compare.add_argument("--seed", type=int, default=1, help="seed of the scenarios (default: %(default)s)")
     compare.add_argument("--json", action="store_true", help="print JSON and nothing else")
     _add_worker_option(compare)
@@ -140,11 +142,37 @@ def build_parser() -> argparse.ArgumentParser:
         "write what is sent to each actuator",
         "gaitopt command arcfold square-1s --dt 0.01 --duration 2 --out command.csv",
     )
-    sent.add_argument("gait", metavar="GAIT", help="baseline, gait file or run folder")
+    sent.add_argument("gait", metavar="GAIT", help="baseline, gait file, exported table or run folder")
     sent.add_argument("--dt", type=float, metavar="S", required=True, help="time between rows, s")
     sent.add_argument("--duration", type=float, metavar="S", required=True, help="rows end before this, s")
     sent.add_argument("--out", type=Path, metavar="F.csv", required=True, help="where to write it")
+
+    export = command(
+        "export",
+        _export,
+        "write a gait as a table and a player for an ESP32 with RC servos, once it walks in simulation",
+        "gaitopt export arcfold square-1s --format micropython --out walk",
+    )
+    _add_export_options(export)
     return parser
+
+
+def _add_export_options(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("gait", metavar="GAIT", help="baseline, gait file, exported table or run folder")
+    sub.add_argument(
+        "--format", required=True, choices=("c", "arduino", "esp-idf", "micropython", "csv", "json"),
+        help="what to write",
+    )  # fmt: skip
+    sub.add_argument("--out", type=Path, metavar="DIR", required=True, help="a new or an empty folder")
+    sub.add_argument("--clip", action="store_true", help="bring the gait inside the servos' range first")
+    sub.add_argument(
+        "--slew", metavar="SPEED", default="off",
+        help="largest speed the player commands: off, servo (its own limit) or degrees/s (default: off)",
+    )  # fmt: skip
+    sub.add_argument("--led-pin", type=int, metavar="N", help="GPIO that goes high at gait time 0")
+    sub.add_argument("--samples", type=int, default=64, metavar="N", help="phase samples (default: 64)")
+    sub.add_argument("--json", action="store_true", help="print JSON and nothing else")
+    _add_worker_option(sub)
 
 
 def _add_search_options(sub: argparse.ArgumentParser) -> None:
@@ -419,6 +447,24 @@ def _command(options: argparse.Namespace) -> None:
     print(options.out)
 
 
+def _export(options: argparse.Namespace) -> None:
+    from gaitopt.export.handover import Choices, check_folder, prepare, write_folder
+    from gaitopt.optimise.executors import open_executor
+    from gaitopt.results import to_json
+
+    problem = _load(options)
+    gait = problem.find_gait(options.gait, in_range=False)
+    check_folder(options.out)
+    choices = Choices(options.format, options.clip, options.slew, options.led_pin, options.samples)
+    with open_executor("threads", options.workers) as executor:
+        handover = prepare(problem, gait, choices, executor)
+    answer = handover.to_dict(write_folder(options.out, handover.files))
+    if options.json:
+        print(to_json(answer), end="")
+    else:
+        _print_export(answer)
+
+
 # --- tables -----------------------------------------------------------------------------------
 
 
@@ -446,3 +492,22 @@ def _print_summary(summary: dict[str, Any]) -> None:
     )
     rows = [summary["best"], *summary["baselines"]]
     print_rows([{key: row[key] for key in keys} for row in rows])
+
+
+def _print_export(answer: dict[str, Any]) -> None:
+    for name, values in answer["from_datasheet"].items():
+        if values:
+            print(f"{name}: from the datasheet, not measured: {', '.join(values)}")
+    for name, lag in answer["lags"].items():
+        print(f"{name}: the servo falls up to {lag['angle_deg']:.3g}° and {lag['time_s']:.2g} s behind")
+    ideal, replayed = (1e3 * answer[f"{key}_speed_m_s"] for key in ("ideal", "replayed"))
+    print(f"simulated: {ideal:.2f} mm/s as a gait, {replayed:.2f} mm/s as the servos will get it", end="")
+    if answer["loss"] is None:
+        print()
+    else:
+        low, high = answer["loss_ci90"]
+        print(f": a loss of {answer['loss']:.1%} (90 % interval {low:.1%} to {high:.1%})")
+    for warning in answer["warnings"]:
+        print(f"warning: {warning}")
+    for file in answer["files"]:
+        print(file)

@@ -66,6 +66,24 @@ class Channel(BaseModel):
         flat = (position < self.duty).astype(float)
         return np.where(near_rise, rise, np.where(near_fall, fall, flat))
 
+    def mean_wave(self, begin: NDArray[np.float64], width: float) -> NDArray[np.float64]:
+        """Return the exact mean of the wave over intervals of `width` cycles (at most 1) from `begin`."""
+        first = np.mod(begin + self.phase, 1.0)
+        area = np.zeros_like(first)
+        for cycle in (-1, 0, 1, 2):
+            for edge, sign in ((cycle, 1.0), (cycle + self.duty, -1.0)):
+                area += sign * (self._risen(first + width - edge) - self._risen(first - edge))
+        return area / width
+
+    def _risen(self, after: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the integral of one rising edge, from before it to `after` cycles past its middle."""
+        ramp = self.ramp_cycles
+        if ramp == 0.0:
+            return np.maximum(after, 0.0)
+        inside = np.clip(after, -0.5 * ramp, 0.5 * ramp)
+        over = np.maximum(after - 0.5 * ramp, 0.0)
+        return 0.5 * (inside + 0.5 * ramp) - ramp / (2.0 * np.pi) * np.cos(np.pi * inside / ramp) + over
+
     def targets(self, cycles: NDArray[np.float64], edge_tolerance: float) -> NDArray[np.float64]:
         """Return the joint target in rad at times given in cycles."""
         wave = self.wave(cycles, edge_tolerance)

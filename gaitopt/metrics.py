@@ -101,15 +101,8 @@ def mean_metrics(rows: list[Metrics]) -> Metrics:
 
 
 def axes(problem: Problem) -> NDArray[np.float64]:
-    """Return forward, left and up as the rows of a (3, 3) rotation.
-
-    `Roles.forward` is projected onto the plane across `Roles.up`.
-    """
-    up = np.array(problem.roles.up) / np.linalg.norm(problem.roles.up)
-    forward = np.array(problem.roles.forward)
-    forward = forward - up * (forward @ up)
-    forward /= np.linalg.norm(forward)
-    return np.stack([forward, np.cross(up, forward), up])
+    """Return forward, left and up as the rows of a (3, 3) rotation; see `Roles.axes`."""
+    return problem.roles.axes
 
 
 def _travel(problem: Problem, trajectory: Trajectory, begin: float, end: float) -> tuple[float, float]:

@@ -12,6 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.effects.active import Active, transferred
+from gaitopt.effects.effect import Parts, is_added
+from gaitopt.effects.servo import net_torque_limits
 from gaitopt.errors import GaitoptError, bad_value, nearest, unknown_name
 from gaitopt.files import read_text
 from gaitopt.problem import Fidelity, Parameter, Problem
@@ -93,13 +96,15 @@ class Robot:
     def of(model: mujoco.MjModel) -> Robot:
         """Read the figures of a model."""
         weight = float(model.body_subtreemass[1]) * float(np.linalg.norm(model.opt.gravity))
-        limited = model.actuator_forcelimited.astype(bool)
-        torque_limit = np.where(limited, model.actuator_forcerange[:, 1], np.inf)
-        damping = np.zeros(model.nu)
-        for i in range(model.nu):
+        added = [is_added(model.actuator(i).name) for i in range(model.nu)]
+        servos = added.count(False)
+        limited = model.actuator_forcelimited[:servos].astype(bool)
+        torque_limit = np.where(limited, net_torque_limits(model)[:servos], np.inf)
+        damping = np.zeros(servos)
+        for i in range(servos):
             if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT:
                 damping[i] = model.dof_damping[model.jnt_dofadr[model.actuator_trnid[i, 0]]]
-        speed = np.full(model.nu, np.inf)
+        speed = np.full(servos, np.inf)
         np.divide(torque_limit, damping, out=speed, where=damping > 0.0)
         return Robot(weight, torque_limit, damping, speed)
 
@@ -160,12 +165,38 @@ def instruments(problem: Problem, model: mujoco.MjModel) -> list[Instrument]:
     return found
 
 
-def build_instrumented(problem: Problem) -> tuple[mujoco.MjModel, list[str | None]]:
-    """Return the nominal model with its sensors, and the signal in each place of ``sensordata``.
+def build_instrumented(problem: Problem) -> tuple[mujoco.MjModel, list[str | None], Active]:
+    """Return a problem's model with its sensors, the signal in each place of ``sensordata``, its effects.
+
+    The model has the parts that its effects need; `Active.edit` then makes it the robot with effects.
+    Its keyframe ``start`` is the nominal robot's.
 
     Raises:
-        GaitoptError: the MJCF is missing, broken, or does not fit the problem.
+        GaitoptError: the MJCF is missing, broken, or does not fit the problem, or an effect does not
+            apply to it.
     """
+    root, names = _instrumented(problem)
+    nominal = _compile(root, problem)
+    active = Active.of(
+        problem.effects, Parts(nominal, problem.roles, problem.channel_names), problem.source
+    )
+    if not active.changes_robot:
+        return nominal, names, active
+    spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"), assets=_assets(root, problem))
+    for key in list(spec.keys):
+        spec.delete(key)
+    active.restructure(spec)
+    spec.add_key(name=START)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise GaitoptError(f"{problem.model_path}: with effects: {error}") from None
+    model.key_qpos[0] = transferred(nominal.keyframe(START).qpos, nominal, model)
+    return model, names + [None] * (model.nsensordata - len(names)), active
+
+
+def _instrumented(problem: Problem) -> tuple[ET.Element, list[str | None]]:
+    """Return the nominal MJCF with its sensors, and the signal in each place of ``sensordata``."""
     root = ET.fromstring(nominal_mjcf(problem))
     for element in root.findall("sensor"):
         root.remove(element)
@@ -175,13 +206,14 @@ def build_instrumented(problem: Problem) -> tuple[mujoco.MjModel, list[str | Non
     for instrument in instruments(problem, bare):
         ET.SubElement(sensors, instrument.element, instrument.attributes)
         names.extend(instrument.signals)
-    return _compile(root, problem), names
+    return root, names
 
 
 def scalar_joints(model: mujoco.MjModel) -> list[int]:
-    """Return the ids of the hinge and slide joints."""
+    """Return the ids of the robot's own hinge and slide joints."""
     scalar = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
-    return [i for i in range(model.njnt) if int(model.jnt_type[i]) in scalar]
+    own = [i for i in range(model.njnt) if not is_added(model.joint(i).name)]
+    return [i for i in own if int(model.jnt_type[i]) in scalar]
 
 
 # --- MJCF -------------------------------------------------------------------------------------
@@ -294,18 +326,20 @@ def _write_start(root: ET.Element, problem: Problem) -> None:
     key.set("ctrl", " ".join(map(repr, held.tolist())))
 
 
-def settled(model: mujoco.MjModel, held: NDArray[np.float64]) -> NDArray[np.float64]:
+def settled(
+    model: mujoco.MjModel, held: NDArray[np.float64], limit_s: float = _SETTLE_LIMIT_S
+) -> NDArray[np.float64]:
     """Return the pose in which the robot comes to rest under constant targets, shape (nq,).
 
     It falls from its keyframe 0 or its default pose. A robot that never rests is returned as it is
-    after 20 s: `gaitopt check` says so.
+    after `limit_s`: `gaitopt check` says so.
     """
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
     data.ctrl[:] = held
     steps = max(1, round(_SETTLE_CHUNK_S / model.opt.timestep))
-    for _ in range(round(_SETTLE_LIMIT_S / _SETTLE_CHUNK_S)):
+    for _ in range(round(limit_s / _SETTLE_CHUNK_S)):
         mujoco.mj_step(model, data, steps)
         if np.abs(data.qvel).max(initial=0.0) < _REST_SPEED:
             break

@@ -12,9 +12,11 @@ import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from gaitopt.calibration import Calibration
+from gaitopt.effects.active import Setting, Values, settings_of
 from gaitopt.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.files import read_toml, validated
 from gaitopt.gait import Channel, Gait, read_gait
+from gaitopt.roles import Roles
 from gaitopt.space import ChannelSpace, GaitSpace
 from gaitopt.table import is_table, read_table
 
@@ -23,8 +25,8 @@ PROBLEM_FILE = "problem.toml"
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 _NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
+_Number = Annotated[float, Field(strict=True)]
 _Interval = Annotated[tuple[_Finite, _Finite], Field()]
-_Vector = tuple[_Finite, _Finite, _Finite]
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
 
 
@@ -59,26 +61,6 @@ class Parameter(_Record):
         if isinstance(values, dict) and isinstance(values.get("sets"), list):
             return values | {"sets": {str(path): "{}" for path in values["sets"]}}
         return values
-
-
-class Roles(_Record):
-    """What effects, metrics and reports act on, by the names in the MJCF.
-
-    Attributes:
-        marker: site whose motion is the robot's motion.
-        pads: geoms that are meant to grip.
-        body: other geoms that may touch the ground.
-        hinges: passive joints.
-        forward: direction of travel in the world.
-        up: direction against gravity in the world.
-    """
-
-    marker: str
-    pads: list[str] = []
-    body: list[str] = []
-    hinges: list[str] = []
-    forward: _Vector = (1.0, 0.0, 0.0)
-    up: _Vector = (0.0, 0.0, 1.0)
 
 
 class Start(_Record):
@@ -271,6 +253,7 @@ class ProblemFile(_Record):
     simulation: Simulation
     servo: Servo = Servo()
     scenarios: ScenarioSpread = ScenarioSpread()
+    effects: dict[str, dict[str, _Number | str]] = {}
     objective: Objective
     planar: Planar | None = None
 
@@ -321,6 +304,7 @@ class Problem:
             gaits[name] = Gait(baseline.period_s, channels, name)
         space = GaitSpace(file.gait.period_s, {name: c.space for name, c in file.channels.items()})
         problem = Problem(file, source, model_path, {}, space)
+        settings_of(file.effects, file.roles, problem.channel_names, source)
         checked = {n: problem.check_gait(g, f"{source}: baselines.{n}") for n, g in gaits.items()}
         return replace(problem, baselines=checked)
 
@@ -333,6 +317,11 @@ class Problem:
     def roles(self) -> Roles:
         """What effects, metrics and reports act on."""
         return self.file.roles
+
+    @property
+    def effects(self) -> tuple[Setting, ...]:
+        """The effects that the file switches on, in the order in which they act."""
+        return settings_of(self.file.effects, self.roles, self.channel_names, self.source)
 
     @property
     def simulation(self) -> Simulation:
@@ -385,7 +374,7 @@ class Problem:
         elif not path.exists():
             known = ", ".join(self.baselines) or "none"
             raise GaitoptError(
-                f"{reference}: neither a baseline nor a gait file, exported table or run folder; "
+                f"{reference}: neither a baseline nor a gait file nor an exported table nor a run folder; "
                 f"baselines: {known}"
             )
         gait = read_table(path).gait if is_table(path) else read_gait(path)
@@ -405,6 +394,20 @@ class Problem:
                 raise unknown_name(self.source, "parameter", name, self.file.parameters)
             dumped["parameters"][name] |= {"value": value}
         return Problem.from_file(validated(ProblemFile, dumped, self.source), self.source, self.model_path)
+
+    def with_effects(self, effects: Mapping[str, Values]) -> Problem:
+        """Return the problem with more effects switched on, or with other values of those that are.
+
+        Args:
+            effects: by the effect's name, what a file's table says: its parameter, and ``target``.
+
+        Raises:
+            GaitoptError: an effect is unknown, wrong or not applicable.
+        """
+        switched_on = self.file.effects | {name: dict(values) for name, values in effects.items()}
+        return Problem.from_file(
+            self.file.model_copy(update={"effects": switched_on}), self.source, self.model_path
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the problem's file."""

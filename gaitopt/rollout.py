@@ -6,15 +6,17 @@ import copy
 import math
 import threading
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
+from gaitopt.effects.active import Active, control_columns
+from gaitopt.effects.effect import LOOP_INTERVAL_S, Commands
 from gaitopt.gait import Gait
-from gaitopt.model import START, build_instrumented, scalar_joints, start_targets, with_fidelity
+from gaitopt.model import START, build_instrumented, scalar_joints, settled, start_targets, with_fidelity
 from gaitopt.problem import Fidelity, Problem
 from gaitopt.trajectory import Trajectory
 
@@ -23,6 +25,12 @@ _SAMPLE_S = 1e-3
 
 _FRAME_EDGE = 1e-9
 """Frames: a time this close before a frame counts as after it."""
+
+_SETTLE_LIMIT_S = 4.0
+"""A robot with effects starts near its rest, and on a slope it creeps for ever, by micrometres."""
+
+_BEFORE = 1e-6
+"""Steps: a time this close before 0 counts as 0."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +67,7 @@ class Simulator:
         scenarios: the scenarios that `run` picks from by index.
         models: one compiled model per scenario.
         signals: signal in each place of ``sensordata``; None where it is not kept.
+        effects: the problem's effects that change this robot or what is measured of it.
     """
 
     problem: Problem
@@ -66,6 +75,7 @@ class Simulator:
     scenarios: tuple[Scenario, ...]
     models: tuple[mujoco.MjModel, ...]
     signals: tuple[str | None, ...]
+    effects: Active
     _local: threading.local
 
     @staticmethod
@@ -75,18 +85,23 @@ class Simulator:
         """Compile the problem's model for each scenario.
 
         Raises:
-            GaitoptError: the model does not compile or does not fit the problem.
+            GaitoptError: the model does not compile or does not fit the problem, or an effect does not
+                apply to it.
         """
+        model, signals, effects = build_instrumented(problem)
+        if effects.changes_robot:
+            _start_at_rest(model, problem, effects)
+        model = with_fidelity(model, fidelity or problem.simulation.working)
+        models = tuple(_scenario_model(model, problem, scenario, effects) for scenario in scenarios)
         fidelity = fidelity or problem.simulation.working
-        model, signals = build_instrumented(problem)
-        model = with_fidelity(model, fidelity)
-        models = tuple(_scenario_model(model, problem, scenario) for scenario in scenarios)
-        return Simulator(problem, fidelity, tuple(scenarios), models, tuple(signals), threading.local())
+        return Simulator(
+            problem, fidelity, tuple(scenarios), models, tuple(signals), effects, threading.local()
+        )
 
     def at(self, fidelity: Fidelity) -> Simulator:
         """Return the same robot and scenarios at another fidelity."""
         models = tuple(with_fidelity(model, fidelity) for model in self.models)
-        return Simulator(self.problem, fidelity, self.scenarios, models, self.signals, threading.local())
+        return replace(self, fidelity=fidelity, models=models, _local=threading.local())
 
     def duration(self, gait: Gait) -> float:
         """Return how long a rollout of `gait` lasts: transient and measured cycles, s."""
@@ -106,11 +121,20 @@ class Simulator:
             that diverges keeps its last good values and says so in `status`.
         """
         time = self.clock(self.duration(gait) if duration is None else duration)
-        drawn = self.scenarios[scenario]
-        commands = servo_commands(self.problem, gait, time, drawn.framed)
-        if drawn.servo_trim:
-            commands = commands + drawn.servo_trim
-        return self.play(time, commands, scenario)
+        return self._simulate(time, self._sent(gait, self.scenarios[scenario]), scenario)
+
+    def _sent(self, gait: Gait, scenario: Scenario) -> Commands:
+        """Return what is sent at any gait time: before 0, the start's targets."""
+        held, trim = start_targets(self.problem), scenario.servo_trim
+
+        def sent(time: NDArray[np.float64]) -> NDArray[np.float64]:
+            rows = servo_commands(self.problem, gait, time, scenario.framed)
+            before = time < -_BEFORE * self.fidelity.timestep_s
+            if before.any():
+                rows = np.where(before[:, None], held, rows)
+            return rows + trim if trim else rows
+
+        return sent
 
     def clock(self, duration: float) -> NDArray[np.float64]:
         """Return the times of the steps from 0 to at least `duration`, s, shape (n,)."""
@@ -119,20 +143,61 @@ class Simulator:
 
     def play(self, time: NDArray[np.float64], commands: NDArray[np.float64], scenario: int = 0) -> Trajectory:
         """Simulate commands, one row per step, rad, shape (n, nu), from the start pose."""
-        steps = len(time)
-        batch = self._batch()
-        batch.set_models(self.models[scenario])
+        held, step_s = start_targets(self.problem), self.fidelity.timestep_s
+
+        def sent(at: NDArray[np.float64]) -> NDArray[np.float64]:
+            if at is time:
+                return commands
+            row = np.rint((at - time[0]) / step_s).astype(int)
+            return np.where((row < 0)[:, None], held, commands[np.clip(row, 0, len(time) - 1)])
+
+        return self._simulate(time, sent, scenario)
+
+    def observe(self, trajectory: Trajectory, seed: int = 0) -> Trajectory:
+        """Return a trajectory as it would be measured: with the effects of camera, tracker and clock."""
+        return self.effects.observe(trajectory, np.random.default_rng(seed))
+
+    def _simulate(self, time: NDArray[np.float64], sent: Commands, scenario: int) -> Trajectory:
+        """Simulate what is sent, on the clock `time`, from the start pose."""
+        batch, model = self._batch(), self.models[scenario]
+        if self.effects.loops:
+            model = copy.copy(model)
+        batch.set_models(model)
         batch.reset(keyframe=batch.model.keyframe(START).id, stage=mujoco.mjtStage.mjSTAGE_NONE)
         if self.scenarios[scenario].start_pose_rad:
             _disturb(batch, self.scenarios[scenario], self.problem)
+        commands = sent(time)
+        arriving = self.effects.commands(sent, self.fidelity.timestep_s)
+        ctrl = commands if arriving is sent else arriving(time)
+        if model.nu > ctrl.shape[1]:
+            ctrl = ctrl[:, control_columns(model, self.problem.channel_names)]
         try:
-            recorded = batch.rollout(
-                steps, commands[None], record=("sensordata",), out=self._buffer(batch, steps)
-            )
+            recorded = self._rollout(batch, model, ctrl)
         except SimulationError as error:
             return Trajectory(time[:0], {}, f"failed: {error}")
         status = f"diverged: {_warnings(batch)}" if batch.warning[0, :, 1].any() else "ok"
-        return self._trajectory(time, commands, recorded["sensordata"][0], status)
+        return self._trajectory(time, commands, recorded, status)
+
+    def _rollout(
+        self, batch: Batch, model: mujoco.MjModel, ctrl: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return ``sensordata`` of each step, shape (n, nsensordata)."""
+        steps = len(ctrl)
+        out = self._buffer(batch, steps)
+        chunk = max(1, round(LOOP_INTERVAL_S / self.fidelity.timestep_s)) if self.effects.loops else steps
+        updates = self.effects.updates(model)
+        for begin in range(0, steps, chunk):
+            part = slice(begin, min(begin + chunk, steps))
+            batch.rollout(
+                part.stop - begin, ctrl[None, part], record=("sensordata",), out={"sensordata": out[:, part]}
+            )
+            last = out[0, part.stop - 1]
+            if batch.warning[0, :, 1].any():
+                out[0, part.stop :] = last
+                break
+            for update in updates:
+                update(last)
+        return out[0]
 
     def _trajectory(
         self, time: NDArray[np.float64], commands: NDArray[np.float64], data: NDArray[np.float64], status: str
@@ -152,12 +217,13 @@ class Simulator:
         batch: Batch = self._local.batch
         return batch
 
-    def _buffer(self, batch: Batch, steps: int) -> dict[str, NDArray[np.float64]]:
+    def _buffer(self, batch: Batch, steps: int) -> NDArray[np.float64]:
         """Return this thread's reused output array: fresh pages cost as much as the metrics do."""
         size = steps * batch.model.nsensordata
         if self._local.buffer.size < size:
             self._local.buffer = np.empty(size)
-        return {"sensordata": self._local.buffer[:size].reshape(1, steps, -1)}
+        buffer: NDArray[np.float64] = self._local.buffer[:size].reshape(1, steps, -1)
+        return buffer
 
 
 def servo_commands(
@@ -206,12 +272,26 @@ def draw_scenarios(problem: Problem, count: int, seed: Iterable[int]) -> tuple[S
     return tuple(scenarios)
 
 
-def _scenario_model(model: mujoco.MjModel, problem: Problem, scenario: Scenario) -> mujoco.MjModel:
+def _start_at_rest(model: mujoco.MjModel, problem: Problem, effects: Active) -> None:
+    """Put the keyframe ``start`` where the robot with effects rests under the targets held before a gait."""
+    held = start_targets(problem)
+    arriving = effects.commands(lambda time: np.tile(held, (len(time), 1)), model.opt.timestep)
+    ctrl = arriving(np.zeros(1))[0, control_columns(model, problem.channel_names)]
+    model.key_ctrl[0] = ctrl
+    if problem.file.start.settle:
+        affected = _scenario_model(model, problem, NOMINAL, effects)
+        model.key_qpos[0] = settled(affected, ctrl, _SETTLE_LIMIT_S)
+
+
+def _scenario_model(
+    model: mujoco.MjModel, problem: Problem, scenario: Scenario, effects: Active
+) -> mujoco.MjModel:
     model = copy.copy(model)
     touching = problem.roles.pads + problem.roles.body
     for name in touching or [model.geom(i).name for i in range(model.ngeom)]:
         model.geom(name).friction[:] *= scenario.friction
     model.actuator_forcerange[:] *= scenario.servo_strength
+    effects.edit(model)
     return model
 
 

@@ -39,6 +39,9 @@ from gaitopt.trajectory import Trajectory
 STARTS = 16
 START_SPREAD_RAD = 0.005
 NUDGE_RAD = 1e-6
+PARTED_MM = 0.01
+"""A pair this far apart has parted: a hundred times what the nudge alone moves the marker."""
+
 CHAOS_S = 10.0
 CHAOS_CYCLES = 6
 
@@ -165,7 +168,8 @@ class Table:
     def write(self) -> None:
         """Write the file whole."""
         text = io.StringIO()
-        writer = csv.DictWriter(text, self.rows[0], lineterminator="\n")
+        columns = dict.fromkeys(name for row in self.rows for name in row)
+        writer = csv.DictWriter(text, columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows(self.rows)
         write_text(self.path, text.getvalue())
@@ -201,10 +205,12 @@ def standard_error(values: NDArray[np.float64]) -> float:
     return float(np.std(values, ddof=1) / math.sqrt(len(values)))
 
 
-def loop_error(trajectory: Trajectory) -> float:
-    """Return how far the hinges stray from the closed loop, rad."""
+def loop_error(trajectory: Trajectory, after_s: float) -> float:
+    """Return how far the hinges stray from the closed loop from some time on, rad."""
+    late = trajectory.time >= after_s
     mid = trajectory["joint.mid_left"]
-    return max(float(np.abs(trajectory[f"joint.{n}"] - s * mid).max()) for n, s in LOOP_JOINTS.items())
+    strayed = (trajectory[f"joint.{name}"] - share * mid for name, share in LOOP_JOINTS.items())
+    return max(float(np.abs(error[late]).max()) for error in strayed)
 
 
 def speeds(simulator: Simulator, gait: Gait, executor: Executor) -> Row:
@@ -215,7 +221,7 @@ def speeds(simulator: Simulator, gait: Gait, executor: Executor) -> Row:
         trajectory = simulator.run(gait, scenario)
         metrics = measure(simulator.problem, gait, trajectory, robot)
         own = trajectory["contacts_all"] - trajectory["contacts"]
-        return metrics | {"loop": loop_error(trajectory), "self": float(own.max())}
+        return metrics | {"loop": loop_error(trajectory, HORIZON.transient_s), "self": float(own.max())}
 
     began = time.process_time()
     rows = list(executor.map(one, range(len(simulator.scenarios))))
@@ -231,6 +237,7 @@ def speeds(simulator: Simulator, gait: Gait, executor: Executor) -> Row:
         "speed_max_mm_s": figure(forward.max()),
         "sideways_mm_s": figure(sideways.mean()),
         "sideways_se_mm_s": figure(standard_error(sideways), 2),
+        "yaw_deg_s": figure(np.rad2deg(found["yaw_rate_rad_s"].mean()), 3),
         "airtime": figure(found["airtime"].mean(), 3),
         "tilt_deg": figure(np.rad2deg(found["tilt_rad"].max()), 3),
         "penetration_mm": figure(1e3 * found["penetration_m"].max(), 3),
@@ -261,12 +268,13 @@ def converge(out: Path, executor: Executor) -> Table:
                     "timestep_s": repr(level.timestep_s),
                     "model": model,
                 }
-                table.fill(key, lambda s=simulator.at(level), g=gait: [speeds(s, g, executor)])
+                finer = simulator.at(level)
+                table.fill(key, lambda s=finer, g=gait: [speeds(s, g, executor)])
     return table
 
 
 def growth(simulator: Simulator, nudged: Simulator, gait: Gait, executor: Executor) -> Iterator[Row]:
-    """Yield the distance of nudged pairs, four times a cycle: geometric mean, least and largest."""
+    """Yield the distance of nudged pairs, four times a cycle, and the share of them that has parted."""
     duration = max(CHAOS_S, CHAOS_CYCLES * gait.period_s)
     pairs = range(len(simulator.scenarios))
     apart = []
@@ -287,6 +295,7 @@ def growth(simulator: Simulator, nudged: Simulator, gait: Gait, executor: Execut
             "apart_mm": figure(math.exp(np.log(np.maximum(distance, 1e-15)).mean()), 3),
             "apart_min_mm": figure(distance.min(), 3),
             "apart_max_mm": figure(distance.max(), 3),
+            "share_parted": figure((distance > PARTED_MM).mean(), 3),
         }
 
 
@@ -363,8 +372,9 @@ def draw_convergence(table: Table, path: Path) -> None:
         )
     for axes in list(grid.flat)[len(gaits) :]:
         axes.axis("off")
-        for integrator, colour, marker, _ in kinds:
-            axes.plot([], [], color=colour, marker=marker, linestyle="", label=f"{integrator}, mean")
+        for integrator, colour, marker, shift in kinds:
+            label = f"{integrator}, mean" + (" (drawn beside 0.1 ms)" if shift != 1.0 else "")
+            axes.plot([], [], color=colour, marker=marker, linestyle="", label=label)
         axes.plot([], [], color="0.3", linewidth=3, label="± standard error")
         axes.plot([], [], color="0.6", linewidth=1, label="slowest to fastest start")
         axes.legend(loc="center", frameon=False, title=f"{STARTS} perturbed starts")
@@ -379,17 +389,21 @@ def draw_growth(table: Table, path: Path) -> None:
     gaits = gait_names(table)
     levels = list(dict.fromkeys((row["integrator"], row["timestep_s"]) for row in table.rows))
     drawing, grid = plt.subplots(
-        1, len(levels), figsize=(10.5, 4.2), layout="constrained", sharey=True, squeeze=False
+        2, len(levels), figsize=(10.5, 6.4), layout="constrained", sharex=True, sharey="row", squeeze=False
     )
-    for axes, (integrator, timestep) in zip(grid[0], levels, strict=True):
+    for (distance, share), (integrator, timestep) in zip(grid.T, levels, strict=True):
         for index, gait in enumerate(gaits):
             rows = table.find(gait=gait, integrator=integrator, timestep_s=timestep)
-            at = [float(row["time_s"]) for row in rows]
-            read = {kind: [float(row[f"apart{kind}_mm"]) for row in rows] for kind in ("", "_min", "_max")}
-            axes.plot(at, read[""], color=COLOURS[index], linestyle=STYLES[index], label=_title(gait))
-            axes.fill_between(at, read["_min"], read["_max"], color=COLOURS[index], alpha=0.12, linewidth=0)
-        axes.set_yscale("log")
-        _finish(axes, f"{integrator}, {1e3 * float(timestep):g} ms", "time [s]", "marker apart [mm]")
+            time_s, apart, parted = (
+                [float(row[name]) for row in rows] for name in ("time_s", "apart_mm", "share_parted")
+            )
+            look = {"color": COLOURS[index], "linestyle": STYLES[index], "label": _title(gait)}
+            distance.plot(time_s, apart, **look)
+            share.plot(time_s, parted, **look)
+        distance.set_yscale("log")
+        title = f"{integrator}, {1e3 * float(timestep):g} ms"
+        _finish(distance, title, "", "marker apart, geometric mean [mm]")
+        _finish(share, "", "time [s]", f"share of pairs over {PARTED_MM:g} mm apart")
     grid[0, 0].legend(fontsize=8, framealpha=0.9, loc="upper right")
     write_with(path, lambda temporary: drawing.savefig(temporary, dpi=110))
 

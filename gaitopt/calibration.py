@@ -1,0 +1,85 @@
+"""A servo's calibration: which pulse width turns its joint to which angle, how far and how fast."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
+
+_Pulse = Annotated[int, Field(ge=1, le=65535)]
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
+class Calibration(BaseModel):
+    """A servo on its robot. The defaults are the datasheet's of a 9 g servo (SG92R class, at 4.8 V).
+
+    ``pulse = neutral_us + trim_us + direction * us_per_deg * angle``, angle in degrees of the joint.
+
+    Attributes:
+        pin: GPIO of the signal wire.
+        neutral_us: pulse at joint angle 0, by design, µs.
+        min_us, max_us: pulses that the servo takes, µs.
+        us_per_deg: µs per degree; 1000 µs for 90 degrees.
+        direction: 1 if longer pulses turn the joint to larger angles, -1 if to smaller ones.
+        trim_us: what the built robot needs on top of `neutral_us`, µs.
+        speed_limit_deg_s: unloaded speed; the datasheet's 0.10 s for 60 degrees.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    pin: Annotated[int, Field(ge=0, le=54)] | None = None
+    neutral_us: _Finite = 1500.0
+    min_us: _Pulse = 500
+    max_us: _Pulse = 2500
+    us_per_deg: _Positive = 11.1
+    direction: Literal[-1, 1] = 1
+    trim_us: _Finite = 0.0
+    speed_limit_deg_s: _Positive = 600.0
+
+    @model_validator(mode="after")
+    def _check(self) -> Calibration:
+        if self.min_us >= self.max_us:
+            raise ValueError(f"min_us: found {self.min_us}; allowed: below max_us, {self.max_us}")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Dump what was set and nothing else: a copy must still tell what came from the datasheet."""
+        return {key: value for key, value in dump(self).items() if key in self.model_fields_set}
+
+    @property
+    def from_datasheet(self) -> list[str]:
+        """The values that nobody set."""
+        return [key for key in type(self).model_fields if key not in self.model_fields_set and key != "pin"]
+
+    @property
+    def complete(self) -> dict[str, Any]:
+        """Every value, set or not."""
+        return {key: getattr(self, key) for key in type(self).model_fields}
+
+    def pulse_us(self, angle_deg: float) -> float:
+        """Return the pulse width for a joint angle, µs, neither rounded nor clamped."""
+        return self.neutral_us + self.trim_us + self.direction * self.us_per_deg * angle_deg
+
+    def angle_deg(self, pulse_us: float) -> float:
+        """Return the joint angle that a pulse width asks for, degrees."""
+        return self.direction * (pulse_us - self.neutral_us - self.trim_us) / self.us_per_deg
+
+    @property
+    def range_deg(self) -> tuple[float, float]:
+        """Joint angles between the shortest and the longest pulse, degrees."""
+        ends = (self.angle_deg(self.min_us), self.angle_deg(self.max_us))
+        return min(ends), max(ends)
+
+    def pulse_per_frame_us(self, speed_deg_s: float, frame_s: float) -> int:
+        """Return the largest change of the pulse in one frame within a speed, whole µs, at least 1."""
+        return max(1, math.floor(self.us_per_deg * speed_deg_s * frame_s * (1.0 + 1e-12)))

@@ -1,0 +1,244 @@
+"""A diagnosis: data set and simulator in, where the gap lies and what is known of its cause out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from gaitopt.diagnose.align import Aligned, align, is_marker, pooled_marker_rms
+from gaitopt.diagnose.cleaning import Cleaned, clean
+from gaitopt.diagnose.dataset import DataSet
+from gaitopt.diagnose.defects import Defect
+from gaitopt.diagnose.floor import Floors, marker_floor, measure_floors
+from gaitopt.diagnose.mismatches import mismatches
+from gaitopt.diagnose.predict import predict
+from gaitopt.diagnose.where import COMPONENTS, Split, split
+from gaitopt.rollout import Simulator
+
+SIGNIFICANT = 2.0
+"""A gap of so many floors is significant: what remains of a right model is below it in 95 of 100 cases."""
+
+DEFECT_COMPONENTS = {"marker_outliers": "noise", "frozen_frames": "noise", "clock_rounding": "timing"}
+"""Component of the gap that a defect of the record belongs to."""
+
+CAUSES = ("clock_rounding", "marker_outliers")
+"""Defects that are causes by themselves; see the table of effects."""
+
+
+@dataclass(frozen=True)
+class TrialGap:
+    """One trial beside the nominal prediction.
+
+    Attributes:
+        cleaned: the trial as recorded and as used, with the record's own defects.
+        aligned: the cleaned trial beside the nominal prediction.
+        floors: floor of each signal.
+        splits: the gap of each signal by component, the defects' share with it.
+        mismatches: defects seen only beside the prediction.
+    """
+
+    cleaned: Cleaned
+    aligned: Aligned
+    floors: Floors
+    splits: Mapping[str, Split]
+    mismatches: tuple[Defect, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the trial."""
+        return self.aligned.trial.name
+
+    @property
+    def defects(self) -> tuple[Defect, ...]:
+        """Everything wrong with the record."""
+        return self.cleaned.defects + self.mismatches
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """Gap over floor, of the marker and of each angle."""
+        pairs = {n: (self.aligned.rms(n), f.total) for n, f in self.floors.items() if not is_marker(n)}
+        if any(map(is_marker, self.floors)):
+            pairs = {"marker": (self.aligned.marker_rms, marker_floor(self.floors))} | pairs
+        return {name: gap / floor if floor > 0.0 else math.inf for name, (gap, floor) in pairs.items()}
+
+    @property
+    def counts(self) -> bool:
+        """Whether the trial can blame anything: a gap, cleaned or as recorded, above the floor."""
+        return max(self.ratios.values()) > 1.0 or bool(self.blamed)
+
+    @property
+    def significant(self) -> bool:
+        """Whether a gap is left, once defects are masked, that the floor does not explain."""
+        return max(self.ratios.values()) > SIGNIFICANT
+
+    @property
+    def blamed(self) -> list[Defect]:
+        """Defects whose error alone exceeds the marker's floor."""
+        floor = marker_floor(self.floors)
+        return [d for d in self.cleaned.defects if d.name in CAUSES and d.error_m > floor]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What is known of the gap between a data set and the simulator.
+
+    Attributes:
+        problem: name of the problem.
+        source: the data set's file.
+        seed: seed of the start poses of the floor.
+        fidelity: timestep and integrator used.
+        trials: the trials in the data set's order.
+    """
+
+    problem: str
+    source: str
+    seed: int
+    fidelity: Mapping[str, Any]
+    trials: tuple[TrialGap, ...]
+
+    @property
+    def causes(self) -> list[str]:
+        """Defects of the record that make a significant gap by themselves."""
+        blamed = {defect.name for trial in self.trials for defect in trial.blamed}
+        return [name for name in CAUSES if name in blamed]
+
+    @property
+    def verdict(self) -> str:
+        """The answer, as far as it is known without fitting any effect."""
+        if any(trial.significant for trial in self.trials):
+            return "unexplained"
+        return "explained" if self.causes else "no_gap"
+
+    @property
+    def gap(self) -> dict[str, Any]:
+        """RMS marker error over all trials, without fitting: after is before, but for defects blamed."""
+        after = pooled_marker_rms([trial.aligned for trial in self.trials])
+        samples = [len(trial.aligned.time) for trial in self.trials]
+        removed = [sum(d.error_m**2 for d in trial.blamed) for trial in self.trials]
+        before = math.sqrt(after**2 + _mean(removed, samples))
+        floor = math.sqrt(_mean([marker_floor(trial.floors) ** 2 for trial in self.trials], samples))
+        shrinkage = (before - after) / (before - floor) if before > floor else None
+        return {
+            "heldout_before_m": before,
+            "heldout_after_m": after,
+            "floor_m": floor,
+            "shrinkage": shrinkage,
+            "shrinkage_ci90": [shrinkage, shrinkage],
+        }
+
+    @property
+    def where(self) -> list[dict[str, Any]]:
+        """Components of the gap, the largest share first; of trials that can blame something."""
+        rows: list[dict[str, Any]] = []
+        for trial in self.trials:
+            for name, part in trial.splits.items() if trial.counts else ():
+                floor = trial.floors[name].total
+                for component in COMPONENTS:
+                    rms = math.sqrt(part.squares[component])
+                    rows.append(
+                        {
+                            "signal": name,
+                            "trial": trial.name,
+                            "component": component,
+                            "share": (rms / floor) ** 2 if floor > 0.0 else 0.0,
+                            "share_of_signal": part.squares[component] / (part.rms**2 or 1.0),
+                            "gap": rms,
+                            "unit": "m" if is_marker(name) else "rad",
+                            "floors": rms / floor if floor > 0.0 else None,
+                        }
+                    )
+        total = sum(row["share"] for row in rows) or 1.0
+        shared = [row | {"share": row["share"] / total} for row in rows]
+        return sorted((row for row in shared if row["gap"] > 0.0), key=lambda row: -row["share"])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of ``diagnosis.json``."""
+        return {
+            "problem": self.problem,
+            "dataset": self.source,
+            "seed": self.seed,
+            "fidelity": dict(self.fidelity),
+            "verdict": self.verdict,
+            "causes": self.causes,
+            "ambiguous_with": [],
+            "other_probability": None,
+            "effects": [],
+            "where": self.where,
+            "gap": self.gap,
+            "next_experiment": None,
+            "trials": [_trial_row(trial) for trial in self.trials],
+            "defects": [defect.to_dict() for trial in self.trials for defect in trial.defects],
+        }
+
+
+def diagnose(simulator: Simulator, dataset: DataSet, executor: Executor, seed: int) -> Diagnosis:
+    """Return where the gap between a data set and the nominal robot lies.
+
+    Args:
+        simulator: the nominal robot, its scenario 0, at the fidelity to use.
+        dataset: the data set.
+        executor: where rollouts run.
+        seed: seed of all randomness.
+
+    Raises:
+        GaitoptError: a trial has fewer than two cycles left, or the simulation of its gait fails.
+    """
+    cleaned = [clean(trial, trial.period) for trial in dataset.trials]
+    trials = [entry.trial for entry in cleaned]
+    predictions = predict(simulator, trials, executor)
+    aligned = [align(trial, simulated) for trial, simulated in zip(trials, predictions, strict=True)]
+    floors = measure_floors(simulator, aligned, executor, seed)
+    gaps = [_trial_gap(simulator, *parts) for parts in zip(cleaned, aligned, floors, strict=True)]
+    fidelity = simulator.fidelity.model_dump()
+    return Diagnosis(simulator.problem.name, str(dataset.source), seed, fidelity, tuple(gaps))
+
+
+def _trial_gap(simulator: Simulator, cleaned: Cleaned, aligned: Aligned, floors: Floors) -> TrialGap:
+    period = aligned.trial.period
+    transient = simulator.problem.simulation.horizon.cycles(period)[0] * period
+    splits = {}
+    for name in aligned.trial.signals:
+        extra = dict.fromkeys(COMPONENTS, 0.0)
+        for defect in cleaned.defects:
+            if defect.name in DEFECT_COMPONENTS:
+                extra[DEFECT_COMPONENTS[defect.name]] += defect.errors_m.get(name, 0.0) ** 2
+        splits[name] = split(aligned, name, transient, extra)
+    return TrialGap(cleaned, aligned, floors, splits, tuple(mismatches(aligned, transient)))
+
+
+def _trial_row(trial: TrialGap) -> dict[str, Any]:
+    aligned = trial.aligned
+    return {
+        "name": trial.name,
+        "gait": aligned.trial.gait.name,
+        "period_s": aligned.trial.period,
+        "offset_s": aligned.offset_s,
+        "offset_fitted": aligned.trial.starts_at_s is None,
+        "marker_gap_m": aligned.marker_rms,
+        "marker_floor_m": marker_floor(trial.floors),
+        "gap_over_floor": trial.ratios,
+        "significant": trial.significant,
+        "counts": trial.counts,
+        "signals": [
+            {
+                "signal": name,
+                "unit": "m" if is_marker(name) else "rad",
+                "gap": aligned.rms(name),
+                "floor": floor.total,
+                "floor_parts": asdict(floor),
+                "travel_measured": trial.splits[name].travel[0],
+                "travel_simulated": trial.splits[name].travel[1],
+                "size_ratio": trial.splits[name].size,
+                "delay_s": trial.splits[name].delay_s,
+                "by_phase": trial.splits[name].by_phase.tolist(),
+            }
+            for name, floor in trial.floors.items()
+        ],
+    }
+
+
+def _mean(values: Sequence[float], weights: Sequence[int]) -> float:
+    return sum(v * w for v, w in zip(values, weights, strict=True)) / sum(weights)

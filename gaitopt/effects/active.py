@@ -1,0 +1,232 @@
+"""Effects switched on: what a problem file asks for, checked, and what it does to one robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.effects import EFFECTS, Effect
+from gaitopt.effects.effect import ALL, Commands, Parts, Update, is_added, owner_of
+from gaitopt.errors import GaitoptError, bad_value, unknown_name
+from gaitopt.roles import Roles
+from gaitopt.trajectory import Trajectory
+
+Values = Mapping[str, float | str]
+"""What a file says of one effect: its parameter, and ``target`` for a servo's."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One effect as a problem file asks for it.
+
+    Attributes:
+        effect: the effect.
+        value: its parameter's value.
+        target: `ALL` or one actuator.
+    """
+
+    effect: Effect
+    value: float
+    target: str = ALL
+
+
+def settings_of(
+    asked: Mapping[str, Values], roles: Roles, channels: Sequence[str], source: object
+) -> tuple[Setting, ...]:
+    """Return the effects that a file asks for, in the order in which they act.
+
+    Args:
+        asked: what the file says, by the effect's name.
+        roles: the problem's roles.
+        channels: the problem's actuators.
+        source: the file, for messages.
+
+    Raises:
+        GaitoptError: there is no such effect, parameter or target, a value is not allowed, or the role
+            that an effect acts on is empty.
+    """
+    for name in asked:
+        if name not in EFFECTS:
+            raise unknown_name(source, "effect in effects:", name, EFFECTS)
+    return tuple(
+        _setting(effect, asked[name], roles, channels, f"{source}: effects.{name}")
+        for name, effect in EFFECTS.items()
+        if name in asked
+    )
+
+
+def _setting(effect: Effect, values: Values, roles: Roles, channels: Sequence[str], source: str) -> Setting:
+    keys = [effect.parameter] + (["target"] if effect.target != "none" else [])
+    for key in values:
+        if key not in keys:
+            raise unknown_name(source, "parameter", key, keys)
+    if effect.parameter not in values:
+        raise GaitoptError(f"{source}: {effect.parameter}: missing; it is required")
+    value = values[effect.parameter]
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not effect.allows(float(value)):
+        raise bad_value(source, effect.parameter, value, effect.allowed_text)
+    reason = effect.missing_role(roles)
+    if reason:
+        raise GaitoptError(f"{source}: not applicable: {reason}")
+    return Setting(effect, float(value), _target(effect, values, channels, source))
+
+
+def _target(effect: Effect, values: Values, channels: Sequence[str], source: str) -> str:
+    if effect.target == "one" and "target" not in values:
+        raise GaitoptError(f"{source}: target: missing; allowed: one of {', '.join(channels)}")
+    allowed = list(channels) if effect.target == "one" else [ALL, *channels]
+    target = values.get("target", ALL)
+    if effect.target != "none" and target not in allowed:
+        raise unknown_name(source, "target", target, allowed)
+    return str(target)
+
+
+@dataclass(frozen=True)
+class Active:
+    """The effects that change one robot: those that apply and are not at their neutral value.
+
+    Attributes:
+        settings: the effects, in the order in which they act.
+        nominal: the parts of the nominal robot.
+    """
+
+    settings: tuple[Setting, ...]
+    nominal: Parts
+
+    @staticmethod
+    def of(settings: Sequence[Setting], nominal: Parts, source: object) -> Active:
+        """Return the effects that change a robot.
+
+        Raises:
+            GaitoptError: an effect does not apply to this robot.
+        """
+        changing = []
+        for setting in settings:
+            parts = replace(nominal, target=setting.target)
+            reason = setting.effect.why_not(parts)
+            if reason:
+                raise GaitoptError(f"{source}: effects.{setting.effect.name}: not applicable: {reason}")
+            if setting.value != setting.effect.neutral_value(parts):
+                changing.append(setting)
+        return Active(tuple(changing), nominal)
+
+    def _parts(self, setting: Setting, model: mujoco.MjModel | None = None) -> Parts:
+        return replace(self.nominal, target=setting.target, model=model or self.nominal.model)
+
+    def restructure(self, spec: mujoco.MjSpec) -> None:
+        """Add to a nominal robot's specification what the effects need."""
+        for setting in self.settings:
+            if setting.effect.structure is not None:
+                setting.effect.structure(spec, self._parts(setting), setting.value)
+
+    def edit(self, model: mujoco.MjModel) -> None:
+        """Edit a compiled model that has been through `restructure`."""
+        edits = [s for s in self.settings if s.effect.model is not None]
+        for setting in edits:
+            neutral = setting.effect.neutral_value(self._parts(setting))
+            if setting.effect.model is not None:
+                setting.effect.model(self._parts(setting, model), setting.value, neutral)
+        if edits:
+            mujoco.mj_setConst(model, mujoco.MjData(model))
+
+    @property
+    def changes_robot(self) -> bool:
+        """Whether any effect changes the robot or its commands, not the measurement alone."""
+        return any(s.effect.observe is None for s in self.settings)
+
+    @property
+    def loops(self) -> bool:
+        """Whether any effect needs to edit the model while it runs."""
+        return any(s.effect.loop is not None for s in self.settings)
+
+    def updates(self, model: mujoco.MjModel) -> list[Update]:
+        """Return what is to be called while `model`, which nothing else uses, runs."""
+        return [s.effect.loop(self._parts(s, model), s.value) for s in self.settings if s.effect.loop]
+
+    def commands(self, sent: Commands, step_s: float) -> Commands:
+        """Return what arrives at the servos of what is `sent`, on a clock of steps of `step_s`."""
+        for setting in self.settings:
+            if setting.effect.commands is not None:
+                servos = self._parts(setting).servos
+                sent = setting.effect.commands(sent, setting.value, servos, step_s)
+        return sent
+
+    def observe(self, trajectory: Trajectory, rng: np.random.Generator) -> Trajectory:
+        """Return a trajectory as camera, tracker and clock give it."""
+        for setting in self.settings:
+            if setting.effect.observe is not None:
+                trajectory = setting.effect.observe(trajectory, setting.value, self._parts(setting), rng)
+        return trajectory
+
+
+def control_columns(model: mujoco.MjModel, channels: Sequence[str]) -> list[int]:
+    """Return the channel whose command each actuator gets: its own, or that of the one it belongs to."""
+    names = [model.actuator(i).name for i in range(model.nu)]
+    return [channels.index(owner_of(name) if is_added(name) else name) for name in names]
+
+
+def transferred(qpos: NDArray[np.float64], nominal: mujoco.MjModel, model: mujoco.MjModel) -> NDArray[np.float64]:
+    """Return a nominal robot's pose for a model with the same joints in the same order and added ones.
+
+    Each joint keeps its distance from its reference; an added one stands where the joint that it belongs
+    to does.
+    """
+    pose = np.array(model.qpos0)
+    own = [j for j in range(model.njnt) if not is_added(model.joint(j).name)]
+    for before, joint in enumerate(own):
+        old, new = nominal.joint(before).qpos0, int(model.jnt_qposadr[joint])
+        start = int(nominal.jnt_qposadr[before])
+        pose[new : new + len(old)] += qpos[start : start + len(old)] - old
+    for joint in range(model.njnt):
+        name = model.joint(joint).name
+        if is_added(name) and joint not in own:
+            pose[model.jnt_qposadr[joint]] = pose[model.joint(owner_of(name)).qposadr[0]]
+    return pose
+
+
+def table(nominal: Parts | None = None) -> list[dict[str, object]]:
+    """Return one row per effect: its name, meaning, parameter, bounds, and whether it applies.
+
+    Args:
+        nominal: the parts of a nominal robot, for its own figures; without, they are in multiples of
+            what is named.
+    """
+    return [_row(effect, nominal) for effect in EFFECTS.values()]
+
+
+def _row(effect: Effect, nominal: Parts | None) -> dict[str, object]:
+    row: dict[str, object] = {
+        "name": effect.name,
+        "summary": effect.summary,
+        "parameter": effect.parameter,
+        "unit": effect.unit,
+        "neutral": _words(effect.neutral),
+        "low": effect.low,
+        "high": effect.high,
+        "in_multiples_of": effect.reference_name,
+        "scale": effect.scale,
+        "prior": str(effect.prior),
+        "prior_source": effect.prior.source,
+        "target": {"none": "", "any": "all or one actuator", "one": "one actuator"}[effect.target],
+    }
+    if nominal is None:
+        return row
+    reason = effect.why_not(nominal)
+    row |= {"applies": reason is None, "why_not": reason or ""}
+    if reason is None:
+        low, high = effect.bounds(nominal)
+        neutral = _words(effect.neutral_value(nominal))
+        row |= {"neutral": neutral, "low": low, "high": high, "in_multiples_of": ""}
+    return row
+
+
+def _words(neutral: float | Callable[[Parts], float]) -> float | str:
+    """Return a neutral value as JSON and a reader take it: infinity and a robot's figure are words."""
+    if callable(neutral):
+        return "the nominal's"
+    return "inf" if math.isinf(neutral) else neutral

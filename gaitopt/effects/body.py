@@ -1,0 +1,183 @@
+"""Masses, lengths and outside forces: what a drawing and a scale get wrong."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+
+from gaitopt.effects.effect import Effect, Parts, Prior, added_name
+
+_FIRST = 1
+"""The first body under the world: the first module."""
+
+
+def _mass(parts: Parts) -> float:
+    return float(parts.model.body_subtreemass[_FIRST])
+
+
+def _weight(parts: Parts) -> float:
+    return _mass(parts) * float(np.linalg.norm(parts.model.opt.gravity))
+
+
+def _module_length(parts: Parts) -> float:
+    """Return the radius of the first module's largest geom, m."""
+    model = parts.model
+    radii = model.geom_rbound[model.geom_bodyid == _FIRST]
+    return float(radii.max(initial=0.0)) or float(model.stat.meansize)
+
+
+def _tilt_gravity(parts: Parts, angle: float, _: float) -> None:
+    """Turn gravity backward about the left axis: forward is then uphill."""
+    turn = np.empty(4)
+    mujoco.mju_axisAngle2Quat(turn, parts.axes[1], angle)
+    gravity = np.array(parts.model.opt.gravity)
+    mujoco.mju_rotVecQuat(parts.model.opt.gravity, gravity, turn)
+
+
+GROUND_SLOPE = Effect(
+    name="ground_slope",
+    summary="slope of the ground along forward, uphill positive",
+    parameter="angle_rad",
+    unit="rad",
+    neutral=0.0,
+    low=-0.12,
+    high=0.12,
+    scale="lin",
+    prior=Prior("normal", 0.0, 0.02, "tables and floors: within a degree or two of level"),
+    allowed=(-1.5, 1.5),
+    model=_tilt_gravity,
+)
+
+
+def _add_mass(parts: Parts, mass: float, _: float) -> None:
+    """Add a point mass at the first body's centre of mass, where it adds no rotational inertia."""
+    parts.model.body_mass[_FIRST] += mass
+
+
+PAYLOAD_MASS = Effect(
+    name="payload_mass",
+    summary="point mass at the first module's centre",
+    parameter="mass_kg",
+    unit="kg",
+    neutral=0.0,
+    low=0.0,
+    high=0.6,
+    scale="lin",
+    prior=Prior("half-normal", 0.0, 0.12, "glue, wires and connectors that nobody weighed"),
+    reference=_mass,
+    reference_name="the robot's mass",
+    allowed=(0.0, math.inf),
+    model=_add_mass,
+)
+
+
+def _shift_centre(parts: Parts, offset: float, _: float) -> None:
+    model = parts.model
+    forward = parts.at_zero.xmat[_FIRST].reshape(3, 3).T @ parts.axes[0]
+    model.body_ipos[_FIRST] += offset * forward
+
+
+COM_OFFSET = Effect(
+    name="com_offset",
+    summary="shift of the first module's centre of mass along forward",
+    parameter="offset_m",
+    unit="m",
+    neutral=0.0,
+    low=-0.7,
+    high=0.7,
+    scale="lin",
+    prior=Prior("normal", 0.0, 0.15, "servos and brackets glued by hand, to within a few mm on a module of 50 mm"),
+    reference=_module_length,
+    reference_name="the first module's radius",
+    model=_shift_centre,
+)
+
+
+def _scale_inertia(parts: Parts, scale: float, _: float) -> None:
+    parts.model.body_inertia[:] *= scale
+
+
+LINK_INERTIA = Effect(
+    name="link_inertia",
+    summary="rotational inertia of all links",
+    parameter="scale",
+    unit="",
+    neutral=1.0,
+    low=0.3,
+    high=3.0,
+    scale="log",
+    prior=Prior("log-normal", 1.0, 0.3, "boxes of even density stand for panels, servos, brackets and glue"),
+    allowed=(0.0, math.inf),
+    model=_scale_inertia,
+)
+
+
+def _scale_lengths(spec: mujoco.MjSpec, nominal: Parts, scale: float) -> None:
+    """Put the robot into a frame that scales its lengths, keeps its masses, and scales its inertias to fit."""
+    frame = spec.worldbody.add_frame(
+        scale=[scale] * 3, massscale=1.0, scaling=mujoco.mjtScaling.mjSCALING_GEOMETRY
+    )
+    for body in list(spec.worldbody.bodies):
+        if body.parent.name == spec.worldbody.name:
+            outermost = body.frame
+            while outermost is not None and outermost.frame is not None:
+                outermost = outermost.frame
+            (outermost or body).set_frame(frame)
+
+
+GEOMETRY_SCALE = Effect(
+    name="geometry_scale",
+    summary="all lengths of the robot, masses kept",
+    parameter="scale",
+    unit="",
+    neutral=1.0,
+    low=0.85,
+    high=1.15,
+    scale="log",
+    prior=Prior("log-normal", 1.0, 0.03, "laser cut to 0.2 mm; folds and hinge gaps take or give a few mm in 50"),
+    allowed=(0.0, 100.0),
+    structure=_scale_lengths,
+)
+
+
+def _add_tether(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
+    """Add an actuator that needs no command: a force on the first body, along an axis of the world."""
+    first = spec.bodies[_FIRST]
+    name = added_name("tether", nominal.channels[0])
+    first.add_site(name=name, pos=nominal.model.body_ipos[_FIRST])
+    world = added_name("world", nominal.channels[0])
+    spec.worldbody.add_site(name=world)
+    spec.add_actuator(
+        name=name,
+        trntype=mujoco.mjtTrn.mjTRN_SITE,
+        target=name,
+        refsite=world,
+        gear=[*-nominal.axes[0], 0.0, 0.0, 0.0],
+        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+    )
+
+
+def _pull(parts: Parts, force: float, _: float) -> None:
+    tether = parts.model.actuator(added_name("tether", parts.channels[0])).id
+    parts.model.actuator_gainprm[tether] = 0.0
+    parts.model.actuator_biasprm[tether, :3] = force, 0.0, 0.0
+
+
+TETHER_DRAG = Effect(
+    name="tether_drag",
+    summary="constant backward force on the first module",
+    parameter="force_n",
+    unit="N",
+    neutral=0.0,
+    low=0.0,
+    high=0.3,
+    scale="lin",
+    prior=Prior("half-normal", 0.0, 0.05, "a thin cable that bends and drags: 10 to 50 mN on a robot of 0.8 N"),
+    reference=_weight,
+    reference_name="the robot's weight",
+    structure=_add_tether,
+    model=_pull,
+)

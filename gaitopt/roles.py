@@ -1,0 +1,43 @@
+"""What effects, metrics and reports act on in any robot: roles instead of names."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+_Vector = tuple[_Finite, _Finite, _Finite]
+
+
+class Roles(BaseModel):
+    """What effects, metrics and reports act on, by the names in the MJCF.
+
+    Attributes:
+        marker: site whose motion is the robot's motion.
+        pads: geoms that are meant to grip.
+        body: other geoms that may touch the ground.
+        hinges: passive joints.
+        forward: direction of travel in the world.
+        up: direction against gravity in the world.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    marker: str
+    pads: list[str] = []
+    body: list[str] = []
+    hinges: list[str] = []
+    forward: _Vector = (1.0, 0.0, 0.0)
+    up: _Vector = (0.0, 0.0, 1.0)
+
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """Forward, left and up as the rows of a (3, 3) rotation; forward is projected across up."""
+        up = np.array(self.up) / np.linalg.norm(self.up)
+        forward = np.array(self.forward)
+        forward = forward - up * (forward @ up)
+        forward /= np.linalg.norm(forward)
+        return np.stack([forward, np.cross(up, forward), up])

@@ -1,0 +1,68 @@
+"""Robots that the tests share, and how the tests are run."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from helpers import ROBOTS, problem_folder
+from hypothesis import settings
+
+from gaitopt.problem import Problem, load_problem
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+settings.register_profile("gaitopt", deadline=None, derandomize=True, database=None)
+settings.load_profile("gaitopt")
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Path]:
+    """Every test works in an empty folder that ends empty, unless the test is about what it leaves."""
+    folder = tmp_path_factory.mktemp("cwd")
+    monkeypatch.chdir(folder)
+    yield folder
+
+
+@pytest.fixture(scope="session")
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for properties, whose many examples share it."""
+    return tmp_path_factory.mktemp("scratch")
+
+
+@pytest.fixture(scope="session")
+def arcfold() -> Problem:
+    """The bundled robot at true scale."""
+    return load_problem("arcfold")
+
+
+@pytest.fixture(scope="session")
+def quick_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """ArcFold's problem folder with a short horizon, few scenarios and no finer reference."""
+    folder = tmp_path_factory.mktemp("quick") / "arcfold"
+
+    def shorten(content: dict) -> None:
+        simulation = content["simulation"]
+        simulation["horizon"] = {
+            "transient_s": 0.3,
+            "transient_cycles": 0,
+            "measured_s": 0.6,
+            "measured_cycles": 1,
+        }
+        simulation["reference"] = simulation["working"]
+        content["scenarios"] |= {"search": 1, "verification": 2}
+
+    return problem_folder(folder, load_problem("arcfold").source.parent, shorten)
+
+
+@pytest.fixture(scope="session")
+def quick(quick_folder: Path) -> Problem:
+    """ArcFold with a short horizon."""
+    return load_problem(quick_folder)
+
+
+@pytest.fixture(scope="session")
+def strider() -> Problem:
+    """A planar robot with two servos, no free joint, that strides along y."""
+    return load_problem(ROBOTS / "strider")

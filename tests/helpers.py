@@ -1,0 +1,66 @@
+"""What several test files need: copies of problem folders, and gaits at their simplest."""
+
+import math
+import shutil
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+
+from gaitopt.gait import Channel, Gait
+from gaitopt.problem import Problem
+from gaitopt.trajectory import Trajectory
+
+ROBOTS = Path(__file__).parent / "robots"
+STRIDER = ROBOTS / "strider"
+
+
+def problem_folder(folder: Path, source: Path, change: Callable[[dict], object] | None = None) -> Path:
+    """Copy a problem folder, and change the content of its problem file."""
+    shutil.copytree(source, folder)
+    path = folder / "problem.toml"
+    content = tomllib.loads(path.read_text())
+    if change is not None:
+        change(content)
+    path.write_text(tomli_w.dumps(content))
+    return folder
+
+
+def edited(path: Path, old: str, new: str) -> Path:
+    """Replace a text that must be in a file."""
+    text = path.read_text()
+    assert old in text, f"{old!r} is not in {path}"
+    path.write_text(text.replace(old, new))
+    return path
+
+
+def still(problem: Problem, period_s: float = 0.5) -> Gait:
+    """A gait that holds every servo at its start target."""
+    held = problem.file.start.ctrl_deg
+    return Gait(
+        period_s,
+        {
+            name: Channel(duty=0.5, phase=0.0, amplitude_deg=0.0, offset_deg=held.get(name, 0.0))
+            for name in problem.channel_names
+        },
+        "still",
+    )
+
+
+def same_bits(one: Trajectory, other: Trajectory) -> bool:
+    """Whether two trajectories are the same to the last bit."""
+    return (
+        one.status == other.status
+        and list(one.signals) == list(other.signals)
+        and np.array_equal(one.time, other.time)
+        and all(np.array_equal(one[name], other[name], equal_nan=True) for name in one.signals)
+    )
+
+
+def same_numbers(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
+    """Whether two sets of figures are the same to the last bit, NaN being itself."""
+    return list(one) == list(other) and all(
+        a == b or (math.isnan(a) and math.isnan(b)) for a, b in zip(one.values(), other.values(), strict=True)
+    )

@@ -1,0 +1,101 @@
+"""Trials made by other numerics than the diagnosis uses, with a gap planted in them."""
+
+import copy
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import tomli_w
+
+from gaitopt.files import csv_text
+from gaitopt.model import start_targets
+from gaitopt.problem import Fidelity, Problem
+from gaitopt.rollout import Scenario, Simulator
+from gaitopt.trajectory import Trajectory
+
+OTHER = Fidelity(timestep_s=5e-4, integrator="RK4")
+SIGNALS = ("marker.x", "marker.y", "marker.z", "joint.mid_left")
+_SUFFIX = {"marker": "m", "joint": "rad"}
+
+
+def rollout(
+    problem: Problem,
+    gait: str,
+    duration: float,
+    delay_s: float = 0.0,
+    travel: float = 1.0,
+    change: Callable[[mujoco.MjModel], None] | None = None,
+    pose_seed: int = 7,
+    fidelity: Fidelity = OTHER,
+) -> Trajectory:
+    """A gait played late, with another travel, on a changed model, from a start pose 2 mrad off."""
+    pose = Scenario(start_pose_rad=0.002, pose_seed=pose_seed)
+    simulator = Simulator.build(problem, (pose,), fidelity)
+    model = copy.copy(simulator.models[0])
+    model.opt.impratio = 20
+    if change is not None:
+        change(model)
+    time = simulator.clock(duration)
+    sent = problem.baselines[gait].targets(np.maximum(time - delay_s, 0.0))
+    commands = travel * np.where((time < delay_s)[:, None], start_targets(problem), sent)
+    return replace(simulator, models=(model,)).play(time, commands)
+
+
+def slope(angle_rad: float) -> Callable[[mujoco.MjModel], None]:
+    """An uphill slope along world x."""
+
+    def tilt(model: mujoco.MjModel) -> None:
+        model.opt.gravity[:] = 9.81 * np.array([-np.sin(angle_rad), 0.0, -np.cos(angle_rad)])
+
+    return tilt
+
+
+def pads(problem: Problem, factor: float) -> Callable[[mujoco.MjModel], None]:
+    """Another friction of the pads."""
+
+    def scale(model: mujoco.MjModel) -> None:
+        for name in problem.roles.pads:
+            model.geom(name).friction[0] *= factor
+
+    return scale
+
+
+def filmed(
+    trajectory: Trajectory,
+    begin_s: float = 0.0,
+    fps: float = 30.0,
+    noise_m: float = 5e-4,
+    seed: int = 1,
+    signals: tuple[str, ...] = SIGNALS,
+) -> dict[str, np.ndarray]:
+    """What a camera sees from gait time `begin_s` on: columns with units, its clock at 0 there."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, trajectory.time[-1] - max(begin_s, 0.0), 1.0 / fps)
+    columns = {"t_s": time}
+    for name in signals:
+        kind, _, part = name.partition(".")
+        noise = noise_m if kind == "marker" else 2e-3
+        series = np.interp(time + begin_s, trajectory.time, trajectory[name])
+        columns[f"{part}_{_SUFFIX[kind]}"] = series + noise * rng.standard_normal(len(time))
+    return columns
+
+
+def dataset(
+    folder: Path, trials: Mapping[str, tuple[str, Mapping[str, np.ndarray]]], **more: object
+) -> Path:
+    """Write a data set: for each trial its gait and its columns."""
+    folder.mkdir(parents=True, exist_ok=True)
+    entries = []
+    for name, (gait, columns) in trials.items():
+        (folder / f"{name}.csv").write_text(csv_text(dict(columns)))
+        signals = {_signal(column): column for column in columns if column != "t_s"}
+        entries.append({"name": name, "gait": gait, "file": f"{name}.csv", "signals": signals} | more)
+    (folder / "dataset.toml").write_text(tomli_w.dumps({"trial": entries}))
+    return folder
+
+
+def _signal(column: str) -> str:
+    name, _, unit = column.rpartition("_")
+    return f"joint.{name}" if unit in ("rad", "deg") else f"marker.{name}"
