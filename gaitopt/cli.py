@@ -59,12 +59,19 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=_version())
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
-    def command(name: str, run: Callable[[Any], None], about: str, example: str) -> argparse.ArgumentParser:
+    def command(
+        name: str, run: Callable[[Any], None], about: str, example: str, problem_needed: bool = True
+    ) -> argparse.ArgumentParser:
         sub = commands.add_parser(
             name, help=about, description=about[0].upper() + about[1:] + ".", epilog=f"example: {example}"
         )
         sub.set_defaults(run=run)
-        sub.add_argument("problem", metavar="PROBLEM", help="folder, problem TOML, or bundled name")
+        sub.add_argument(
+            "problem",
+            metavar="PROBLEM",
+            help="folder, problem TOML, or bundled name",
+            nargs=None if problem_needed else "?",
+        )
         sub.add_argument(
             "--set", dest="parameters", metavar="NAME=VALUE", action="append", default=[], type=_assignment,
             help="change a named model parameter; may be repeated",
@@ -90,11 +97,9 @@ def build_parser() -> argparse.ArgumentParser:
     plan.add_argument("--json", action="store_true", help="print JSON and nothing else")
 
     simulate = command(
-        "simulate", _simulate, "simulate one gait", "gaitopt simulate arcfold square-1s --csv walk.csv"
+        "simulate", _simulate, "simulate one gait", "gaitopt simulate arcfold square-1s --video walk.mp4"
     )
-    simulate.add_argument("gait", metavar="GAIT", help="baseline, gait file, exported table or run folder")
-    simulate.add_argument("--csv", type=Path, metavar="F", help="write the time series here")
-    simulate.add_argument("--json", action="store_true", help="print JSON and nothing else")
+    _add_simulate_options(simulate)
 
     sweep = command(
         "sweep",
@@ -131,6 +136,15 @@ def build_parser() -> argparse.ArgumentParser:
     check.add_argument("--json", action="store_true", help="print JSON and nothing else")
     _add_worker_option(check)
 
+    effects = command(
+        "effects",
+        _effects,
+        "list the effects that a model may lack",
+        "gaitopt effects arcfold",
+        problem_needed=False,
+    )
+    effects.add_argument("--json", action="store_true", help="print JSON and nothing else")
+
     model = command(
         "model", _model, "write the nominal model as one MJCF", "gaitopt model arcfold --out arcfold.xml"
     )
@@ -147,6 +161,23 @@ def build_parser() -> argparse.ArgumentParser:
     sent.add_argument("--duration", type=float, metavar="S", required=True, help="rows end before this, s")
     sent.add_argument("--out", type=Path, metavar="F.csv", required=True, help="where to write it")
 
+    diagnose = command(
+        "diagnose",
+        _diagnose,
+        "compare measured trials with the simulation: where the gap lies",
+        "gaitopt diagnose arcfold trials",
+    )
+    _add_diagnose_options(diagnose)
+
+    importing = commands.add_parser(
+        "import",
+        help="turn tracked motion into a data set",
+        description="Turn tracked motion into a data set.",
+        epilog="example: gaitopt import walk.txt --gait square-1s --out trials",
+    )
+    importing.set_defaults(run=_import)
+    _add_import_options(importing)
+
     export = command(
         "export",
         _export,
@@ -155,6 +186,39 @@ def build_parser() -> argparse.ArgumentParser:
     )
     _add_export_options(export)
     return parser
+
+
+def _add_simulate_options(sub: argparse.ArgumentParser) -> None:
+    add = sub.add_argument
+    add("gait", metavar="GAIT", help="baseline, gait file, exported table or run folder")
+    add("--csv", type=Path, metavar="F", help="write the time series here")
+    add("--video", type=Path, metavar="F", help="film it: a file that ends in .mp4, .gif or .webp")
+    add("--beside", metavar="GAIT", help="with --video: film this gait too, side by side")
+    add("--seconds", type=float, metavar="S", help="length of the film (default: whole cycles, 5 s or more)")
+    add("--view", action="store_true", help="play it in MuJoCo's viewer, where there is a screen")
+    add("--json", action="store_true", help="print JSON and nothing else")
+
+
+def _add_diagnose_options(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("dataset", type=Path, metavar="DATASET", help="folder with dataset.toml and its trials")
+    sub.add_argument("--seed", type=int, help="seed of all randomness (default: 1)")
+    _add_output_options(sub)
+    _add_worker_option(sub)
+
+
+def _add_import_options(sub: argparse.ArgumentParser) -> None:
+    add = sub.add_argument
+    add("files", type=Path, metavar="FILE", nargs="+", help="exports of Tracker, DeepLabCut, SLEAP, Kinovea")
+    add("--out", type=Path, metavar="DATASET", required=True, help="the new data set's folder")
+    add("--gait", action="append", required=True, metavar="GAIT", help="what was commanded; one, or one each")
+    add("--fps", type=float, metavar="N", help="frames a second, where a file counts frames")
+    add("--scale-m-per-px", type=float, metavar="M", help="metres a pixel, where a file is in pixels")
+    add("--time-unit", metavar="U", help="s or ms, where the file does not say")
+    add("--length-unit", metavar="U", help="m, cm or mm, where the file does not say")
+    add("--view", default="side", help="side: x and z; top: x and y (default: %(default)s)")
+    add("--marker", metavar="NAME", help="which of several tracked points")
+    add("--sync-at", type=float, metavar="S", help="time stamp at which the gait began, if it was filmed")
+    add("--json", action="store_true", help="print JSON and nothing else")
 
 
 def _add_export_options(sub: argparse.ArgumentParser) -> None:
@@ -232,8 +296,9 @@ def _optimise(options: argparse.Namespace) -> None:
     from gaitopt.optimise.journal import Journal
     from gaitopt.optimise.run import optimise
     from gaitopt.report import answer_of, write_report
-    from gaitopt.results import to_json
+    from gaitopt.results import summary_of, to_json
 
+    open_executor(options.executor, options.workers).shutdown()  # says what is wrong before a folder is made
     folder, problem, request = _open_run(options)
     with folder:
         summary = folder.summary
@@ -250,8 +315,8 @@ def _optimise(options: argparse.Namespace) -> None:
                     if folder.started:
                         _say_how_to_resume(folder.path, journal)
                     raise
-            summary = folder.write_results(problem, optimised)
-            write_report(folder, problem, optimised, summary)
+            write_report(folder, problem, optimised, summary_of(problem, optimised))
+            summary = folder.write_results(problem, optimised)  # last: a summary says that the run is done
         if options.json:
             print(to_json(summary), end="")
         else:
@@ -262,6 +327,7 @@ def _optimise(options: argparse.Namespace) -> None:
 
 def _open_run(options: argparse.Namespace) -> tuple[Any, Problem, Any]:
     from gaitopt.errors import nearest
+    from gaitopt.objective import check_objective
     from gaitopt.optimise.run import DEFAULT_BUDGET, Request
     from gaitopt.optimise.study import METHODS
     from gaitopt.results import RunFolder
@@ -284,6 +350,7 @@ def _open_run(options: argparse.Namespace) -> tuple[Any, Problem, Any]:
         raise GaitoptError(
             f"--method: found {method!r}; allowed: {', '.join(METHODS)}{nearest(method, METHODS)}"
         )
+    check_objective(problem)
     request = Request(seed, budget, method, options.warm_start is not False)
     return RunFolder.create(options.out, problem, request), problem, request
 
@@ -336,15 +403,53 @@ def _simulate(options: argparse.Namespace) -> None:
     from gaitopt.model import Robot
     from gaitopt.rollout import Simulator
 
+    _check_film_options(options)
     problem = _load(options)
     gait = problem.find_gait(options.gait)
     simulator = Simulator.build(problem)
-    trajectory = simulator.run(gait)
+    filmed = _takes(options, simulator, gait)
+    trajectory = filmed[0].trajectory if filmed else simulator.run(gait)
     if options.csv is not None:
-        write_text(options.csv, trajectory.to_csv())
+        write_text(options.csv, simulator.observe(trajectory).to_csv())
     metrics = measure(problem, gait, trajectory, Robot.of(simulator.models[0]))
     row = {"name": gait.name, "period_s": gait.period_s, "status": trajectory.status} | metrics
+    if options.video is not None:
+        from gaitopt.video import write_film
+
+        write_film(options.video, filmed, end=options.seconds)
     _print_rows([row], options.json)
+    if options.view:
+        from gaitopt.video import view
+
+        view(filmed[0])
+
+
+def _check_film_options(options: argparse.Namespace) -> None:
+    for name in ("beside", "seconds"):
+        if getattr(options, name) is not None and options.video is None:
+            raise GaitoptError(f"--{name}: found no --video to go with it")
+    if options.video is not None:
+        from gaitopt.video import check_film
+
+        _positive("seconds", options.seconds)
+        check_film(options.video)
+    if options.view:
+        from gaitopt.video import check_screen
+
+        check_screen()
+
+
+def _takes(options: argparse.Namespace, simulator: Any, gait: Gait) -> list[Any]:
+    """Return what a film shows, from left to right; nothing where none is asked for."""
+    if options.video is None and not options.view:
+        return []
+    from gaitopt.video import film_length, take
+
+    gaits = [gait]
+    if options.beside is not None:
+        gaits.append(simulator.problem.find_gait(options.beside))
+    length = options.seconds or film_length(gaits)
+    return [take(simulator, shown, length) for shown in gaits]
 
 
 def _sweep(options: argparse.Namespace) -> None:
@@ -414,6 +519,21 @@ def _check(options: argparse.Namespace) -> None:
         print(f"{finding.name}{where}: {finding.message}")
 
 
+def _effects(options: argparse.Namespace) -> None:
+    from gaitopt.display import print_effects
+    from gaitopt.effects.active import table
+    from gaitopt.model import nominal_parts
+    from gaitopt.results import to_json
+
+    if options.problem is None and options.parameters:
+        raise GaitoptError("--set: found no PROBLEM to set a parameter of")
+    rows = table(None if options.problem is None else nominal_parts(_load(options)))
+    if options.json:
+        print(to_json({"rows": rows}), end="")
+    else:
+        print_effects(rows)
+
+
 def _model(options: argparse.Namespace) -> None:
     from gaitopt.files import write_text
     from gaitopt.model import nominal_mjcf
@@ -435,9 +555,10 @@ def _command(options: argparse.Namespace) -> None:
         value = getattr(options, name)
         if not (math.isfinite(value) and value > 0.0):
             raise GaitoptError(f"--{name}: found {value}; allowed: a positive number of seconds")
-    rows = math.ceil(options.duration / options.dt * (1.0 - 1e-12))
-    if rows > 50_000_000:
-        raise GaitoptError(f"--dt: found {options.dt:g}; {rows} rows are more than the 50 million allowed")
+    ratio = options.duration / options.dt * (1.0 - 1e-12)
+    if not ratio <= 50_000_000:
+        raise GaitoptError(f"--dt: found {options.dt:g}; allowed: at most 50 million rows, not {ratio:.3g}")
+    rows = math.ceil(ratio)
     problem = _load(options)
     build_model(problem)  # the channels are the model's actuators in order
     time = np.arange(rows) * options.dt
@@ -445,6 +566,68 @@ def _command(options: argparse.Namespace) -> None:
     columns = {"t_s": time} | dict(zip(problem.channel_names, targets.T, strict=True))
     write_text(options.out, csv_text(columns))
     print(options.out)
+
+
+def _diagnose(options: argparse.Namespace) -> None:
+    from gaitopt.diagnose.dataset import load_dataset
+    from gaitopt.diagnose.diagnosis import diagnose
+    from gaitopt.diagnose.words import answer, explanation
+    from gaitopt.diagnosis_report import write_diagnosis
+    from gaitopt.files import read_text
+    from gaitopt.optimise.executors import open_executor
+    from gaitopt.results import check_new
+    from gaitopt.rollout import Simulator
+
+    check_new(options.out)
+    problem = _load(options)
+    simulator = Simulator.build(problem)
+    dataset = load_dataset(options.dataset, problem, [name for name in simulator.signals if name])
+    with open_executor("threads", options.workers) as executor:
+        diagnosis = diagnose(simulator, dataset, executor, _seed(options.seed))
+    folder = write_diagnosis(options.out, problem, diagnosis)
+    if options.json:
+        print(read_text(folder / "diagnosis.json"), end="")
+        return
+    print(answer(diagnosis))
+    for sentence in explanation(diagnosis):
+        print(f"- {sentence}")
+    print(f"report: {folder / 'report.html'}")
+
+
+def _import(options: argparse.Namespace) -> None:
+    from gaitopt.diagnose.importers import Options, import_files
+    from gaitopt.results import to_json
+
+    given = Options(
+        _positive("fps", options.fps),
+        _positive("scale-m-per-px", options.scale_m_per_px),
+        options.time_unit,
+        options.length_unit,
+        options.view,
+        options.marker,
+        options.sync_at,
+    )
+    imported = import_files(options.files, options.gait, options.out, given)
+    defects = [defect for motion in imported for defect in motion.defects]
+    if options.json:
+        trials = [
+            {"name": path.stem, "program": motion.program, "signals": list(motion.signals)}
+            for path, motion in zip(options.files, imported, strict=True)
+        ]
+        rows = [defect.to_dict() for defect in defects]
+        print(to_json({"dataset": str(options.out), "trials": trials, "defects": rows}), end="")
+        return
+    for path, motion in zip(options.files, imported, strict=True):
+        print(f"{path}: {motion.program}, {len(motion.time)} samples of {', '.join(motion.signals)}")
+    for defect in defects:
+        print(f"- {defect.trial}: {defect.name}: {defect.message}")
+    print(f"data set: {options.out}")
+
+
+def _positive(option: str, value: float | None) -> float | None:
+    if value is not None and not 0.0 < value < float("inf"):
+        raise GaitoptError(f"--{option}: found {value:g}; allowed: a positive number")
+    return value
 
 
 def _export(options: argparse.Namespace) -> None:

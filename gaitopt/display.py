@@ -98,6 +98,24 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     console.print(table)
 
 
+def print_effects(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print the library of effects, one after another: their figures do not fit side by side."""
+    for row in rows:
+        print(f"{row['name']}: {row['meaning']}")
+        print(f"    {_effect_figures(row)}")
+
+
+def _effect_figures(row: Mapping[str, Any]) -> str:
+    if not row.get("applies", True):
+        return f"does not apply: {row['why_not']}"
+    unit = f" ({row['unit']})" if row["unit"] else ""
+    low, high = row["bounds"]
+    times = f" times {row['bounds_times']}" if row["bounds_times"] else ""
+    target = f"; target: {row['target']}" if row["target"] else ""
+    neutral = _cell(row["neutral"])
+    return f"{row['parameter']}{unit}: neutral {neutral}, plausible {low:.3g} to {high:.3g}{times}{target}"
+
+
 def _cell(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"

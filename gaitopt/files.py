@@ -7,7 +7,8 @@ import tempfile
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from types import UnionType
+from typing import Any, TypeVar, Union, get_origin
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
@@ -114,24 +115,23 @@ def _fields_at(record: type[BaseModel], location: tuple[int | str, ...]) -> list
     """Return the keys that the nested record at `location` accepts, as far as they can be told."""
     current: Any = record
     for part in location:
-        if not (isinstance(current, type) and issubclass(current, BaseModel)):
-            return []
-        field = next((f for n, f in current.model_fields.items() if part in (n, f.alias)), None)
-        if field is None:
-            return []
-        current = _record_in(field.annotation)
-        if current is None:
-            return []
-    if isinstance(current, type) and issubclass(current, BaseModel):
-        return [field.alias or name for name, field in current.model_fields.items()]
-    return []
+        if _is_record(current):
+            fields = current.model_fields.items()
+            current = next((f.annotation for n, f in fields if part in (n, f.alias)), None)
+        else:  # a key of a dictionary of records
+            current = next(iter(getattr(current, "__args__", ())[1:]), None)
+        current = _without_none(current)
+    if not _is_record(current):
+        return []
+    return [field.alias or name for name, field in current.model_fields.items()]
 
 
-def _record_in(annotation: Any) -> Any:
-    """Return the record inside `Record | None`, or None for anything else."""
-    if isinstance(annotation, type):
-        return annotation
-    for argument in getattr(annotation, "__args__", ()):
-        if isinstance(argument, type) and issubclass(argument, BaseModel):
-            return argument
-    return None
+def _is_record(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _without_none(annotation: Any) -> Any:
+    """Return the type in `type | None`."""
+    if get_origin(annotation) in (Union, UnionType):
+        return next((part for part in annotation.__args__ if part is not type(None)), None)
+    return annotation

@@ -23,8 +23,8 @@ from gaitopt.files import read_toml, validated, write_text
 EDGE_TOLERANCE = 1e-9
 """Periods: a time this close before an edge counts as after it (clocks are sums of rounded steps)."""
 
-_Finite = Annotated[float, Field(allow_inf_nan=False)]
-_Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+_Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+_Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
 class Channel(BaseModel):
@@ -54,6 +54,7 @@ class Channel(BaseModel):
     def wave(self, cycles: NDArray[np.float64], edge_tolerance: float) -> NDArray[np.float64]:
         """Return the wave between 0 and 1 at times given in cycles since the gait's start."""
         position = np.mod(cycles + self.phase + edge_tolerance, 1.0)
+        position = np.where(position < 1.0, position, 0.0)  # a tiny negative number rounds up to 1
         ramp = self.ramp_cycles
         if ramp == 0.0:
             return (position < self.duty).astype(float)
@@ -101,7 +102,7 @@ class Channel(BaseModel):
 class _GaitFile(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    period_s: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+    period_s: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
     channels: Annotated[dict[str, Channel], Field(min_length=1)]
 
 

@@ -84,7 +84,7 @@ def measure(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) 
         "peak_torque_n_m": float(np.abs(torque).max(initial=0.0)),
         "rms_torque_n_m": float(np.sqrt((torque**2).mean(axis=0)).max(initial=0.0)),
         "power_w": power,
-        "cost_of_transport": power / (robot.weight * speed) if speed > 0.0 else math.inf,
+        "cost_of_transport": power / (robot.weight * speed) if robot.weight * speed > 0.0 else math.inf,
         "command_speed_ratio": float(peaks.max(initial=0.0)),
         "reached": min(reached.values(), default=1.0),
     }
@@ -167,7 +167,7 @@ def _backward_slip(problem: Problem, trajectory: Trajectory, window: slice, weig
         )
         anchored = np.abs(load) > _LOADED * weight
         slip += float(np.maximum(-speed, 0.0)[anchored].sum()) * step
-    return slip
+    return float(slip)
 
 
 def _reached(gait: Gait, trajectory: Trajectory, window: slice) -> Mapping[str, float]:

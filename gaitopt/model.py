@@ -19,6 +19,9 @@ from gaitopt.errors import GaitoptError, bad_value, nearest, unknown_name
 from gaitopt.files import read_text
 from gaitopt.problem import Fidelity, Parameter, Problem
 
+# A simulation that diverges is a status on its result; MuJoCo would print it and append to a log file here.
+mujoco.set_mju_user_warning(lambda message: None)
+
 START = "start"
 """Keyframe from which every gait begins."""
 
@@ -95,7 +98,8 @@ class Robot:
     @staticmethod
     def of(model: mujoco.MjModel) -> Robot:
         """Read the figures of a model."""
-        weight = float(model.body_subtreemass[1]) * float(np.linalg.norm(model.opt.gravity))
+        mass = float(model.body_mass[model.body_weldid != 0].sum())
+        weight = mass * float(np.linalg.norm(model.opt.gravity))
         added = [is_added(model.actuator(i).name) for i in range(model.nu)]
         servos = added.count(False)
         limited = model.actuator_forcelimited[:servos].astype(bool)
@@ -177,9 +181,8 @@ def build_instrumented(problem: Problem) -> tuple[mujoco.MjModel, list[str | Non
     """
     root, names = _instrumented(problem)
     nominal = _compile(root, problem)
-    active = Active.of(
-        problem.effects, Parts(nominal, problem.roles, problem.channel_names), problem.source
-    )
+    parts = Parts(nominal, problem.roles, problem.channel_names)
+    active = Active.of(problem.effects, parts, problem.source)
     if not active.changes_robot:
         return nominal, names, active
     spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"), assets=_assets(root, problem))
@@ -193,6 +196,15 @@ def build_instrumented(problem: Problem) -> tuple[mujoco.MjModel, list[str | Non
         raise GaitoptError(f"{problem.model_path}: with effects: {error}") from None
     model.key_qpos[0] = transferred(nominal.keyframe(START).qpos, nominal, model)
     return model, names + [None] * (model.nsensordata - len(names)), active
+
+
+def nominal_parts(problem: Problem) -> Parts:
+    """Return what effects act on in the nominal robot.
+
+    Raises:
+        GaitoptError: the MJCF is missing, broken, or does not fit the problem.
+    """
+    return Parts(build_model(problem), problem.roles, problem.channel_names)
 
 
 def _instrumented(problem: Problem) -> tuple[ET.Element, list[str | None]]:
@@ -221,7 +233,7 @@ def scalar_joints(model: mujoco.MjModel) -> list[int]:
 
 def _parameterised(problem: Problem) -> ET.Element:
     """Return the MJCF with includes resolved and every named parameter written in."""
-    root = _parse(problem.model_path)
+    root = _parse(problem.model_path, "mujoco")
     _resolve_includes(root, problem.model_path.parent, depth=0)
     for name, parameter in problem.file.parameters.items():
         for path, template in parameter.sets.items():
@@ -229,14 +241,14 @@ def _parameterised(problem: Problem) -> ET.Element:
     return root
 
 
-def _parse(path: Path) -> ET.Element:
+def _parse(path: Path, *roots: str) -> ET.Element:
     text = read_text(path)
     try:
         root = ET.fromstring(text)
     except ET.ParseError as error:
         raise GaitoptError(f"{path}: broken XML: {error}") from None
-    if root.tag != "mujoco":
-        raise bad_value(path, "root element", root.tag, "mujoco")
+    if root.tag not in roots:
+        raise bad_value(path, "root element", root.tag, " or ".join(roots))
     return root
 
 
@@ -250,7 +262,7 @@ def _resolve_includes(element: ET.Element, folder: Path, depth: int) -> None:
             path = folder / name
             if not name or not path.resolve().is_relative_to(folder.resolve()):
                 raise bad_value(folder, "include file", name, "a file inside the problem's folder")
-            included = _parse(path)
+            included = _parse(path, "mujocoinclude", "mujoco")
             _resolve_includes(included, folder, depth + 1)
             element.remove(child)
             for offset, grandchild in enumerate(included):
@@ -265,7 +277,7 @@ def _set_attribute(root: ET.Element, path: str, template: str, parameter: Parame
         raise bad_value(source, "path", path, "an XPath that ends in /@attribute")
     try:
         elements = root.findall(xpath)
-    except SyntaxError:
+    except (SyntaxError, KeyError, TypeError):  # what ElementTree raises for a bad XPath
         elements = []
     if not elements:
         raise bad_value(source, "path", path, "an XPath, from the mujoco element, that finds something")
@@ -295,15 +307,18 @@ def _compile(root: ET.Element, problem: Problem) -> mujoco.MjModel:
 def _assets(root: ET.Element, problem: Problem) -> dict[str, bytes]:
     """Return the files that the MJCF names, read from the problem's own folder and nowhere else."""
     folder = problem.model_path.parent
+    compiler = root.find("compiler")
+    places = {} if compiler is None else compiler.attrib
     assets = {}
     for element in root.iter():
         name = element.get("file")
         if name is None:
             continue
-        path = folder / name
+        place = places.get(f"{element.tag}dir", places.get("assetdir", ""))
+        path = folder / place / name
         if not path.resolve().is_relative_to(folder.resolve()) or not path.is_file():
             raise bad_value(problem.model_path, f"{element.tag} file", name, "a file in the problem's folder")
-        assets[name] = path.read_bytes()
+        assets[f"{place.rstrip('/')}/{name}" if place else name] = path.read_bytes()
     return assets
 
 

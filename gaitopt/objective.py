@@ -13,6 +13,8 @@ from gaitopt.problem import Constraint, Problem
 FAILED_COST = 1e6
 """Cost of a gait whose simulation failed: worse than anything that a robot can do."""
 
+_WORST_VIOLATION = 1e3
+
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -67,7 +69,9 @@ def evaluate(problem: Problem, rows: Sequence[Metrics], statuses: Sequence[str])
 
 
 def _violation(constraint: Constraint, value: float) -> float:
+    if math.isnan(value):
+        return _WORST_VIOLATION
     over = max(0.0, value - constraint.max) if constraint.max is not None else 0.0
     under = max(0.0, constraint.min - value) if constraint.min is not None else 0.0
     excess = over + under
-    return min(excess / constraint.scale, 1e3) if math.isfinite(excess) else 1e3
+    return min(excess / constraint.scale, _WORST_VIOLATION)

@@ -38,7 +38,7 @@ def overlay(trajectories: Mapping[str, Trajectory], best: str | None = None) -> 
             linewidth=2.2 if chosen else 1.5,
             label=name,
         )
-    _finish(axes, "time [s]", "marker forward [mm]")
+    finish(axes, "time [s]", "marker forward [mm]")
     return figure
 
 
@@ -52,7 +52,7 @@ def panels(trajectories: Mapping[str, Trajectory]) -> Figure:
             trajectory.time, 1e3 * (trajectory["marker.x"] - trajectory["marker.x"][0]), color=COLOURS[0]
         )
         axes.set_title(name, loc="left", fontsize=10)
-        _finish(axes, "time [s]", "forward [mm]", legend=False)
+        finish(axes, "time [s]", "forward [mm]", legend=False)
     return figure
 
 
@@ -78,7 +78,7 @@ def convergence(entries: Sequence[Entry], baselines: Mapping[str, float]) -> Fig
         axes.axhline(
             1e3 * speed_m_s, color="0.45", linestyle=STYLES[index % len(STYLES)], linewidth=1.0, label=name
         )
-    _finish(axes, "gait evaluated", "forward speed [mm/s]")
+    finish(axes, "gait evaluated", "forward speed [mm/s]")
     return figure
 
 
@@ -100,12 +100,12 @@ def gait_diagram(problem: Problem, gait: Gait, trajectory: Trajectory) -> Figure
             cycle, np.rad2deg(trajectory[f"position.{name}"][chosen]), color=COLOURS[0], label="reached"
         )
         axes.set_title(name, loc="left", fontsize=10)
-        _finish(axes, "", "angle [°]")
+        finish(axes, "", "angle [°]")
     for index, pad in enumerate(problem.roles.pads):
         load = np.abs(trajectory[f"load.{pad}.z"][chosen])
         grid[-1].plot(cycle, _smoothed(load), color=COLOURS[index + 1], linestyle=STYLES[index], label=pad)
     grid[-1].set_title("load on the pads, mean over a fiftieth of the cycle", loc="left", fontsize=10)
-    _finish(grid[-1], "share of the cycle", "load [N]")
+    finish(grid[-1], "share of the cycle", "load [N]")
     return figure
 
 
@@ -123,7 +123,8 @@ def _smoothed(series: np.ndarray) -> np.ndarray:
     return np.convolve(series, np.full(width, 1.0 / width), mode="same")
 
 
-def _finish(axes: Axes, x: str, y: str, legend: bool = True) -> None:
+def finish(axes: Axes, x: str, y: str, legend: bool = True) -> None:
+    """Label the axes and give a panel the look of all figures."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     axes.grid(color="0.85", linewidth=0.6)

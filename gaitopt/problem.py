@@ -22,9 +22,9 @@ from gaitopt.table import is_table, read_table
 
 PROBLEM_FILE = "problem.toml"
 
-_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-_NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-_Finite = Annotated[float, Field(allow_inf_nan=False)]
+_Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
+_NonNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
+_Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 _Number = Annotated[float, Field(strict=True)]
 _Interval = Annotated[tuple[_Finite, _Finite], Field()]
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
@@ -241,7 +241,7 @@ class _Gait(_Record):
 class ProblemFile(_Record):
     """The content of a problem file."""
 
-    name: Annotated[str, Field(min_length=1, max_length=100)]
+    name: Annotated[str, Field(max_length=100, pattern=r"^\w[\w .+-]*$")]
     description: str = ""
     model: str | None = None
     parameters: dict[str, Parameter] = {}

@@ -17,7 +17,7 @@ from gaitopt.files import write_with
 from gaitopt.gait import Gait
 from gaitopt.optimise.run import Optimised
 from gaitopt.problem import Problem
-from gaitopt.results import RunFolder, new_folder
+from gaitopt.results import RunFolder, new_folder, write_into
 from gaitopt.rollout import Simulator
 
 
@@ -49,21 +49,32 @@ def write_report(
             "the reference fidelity.",
         ),
     }
-    encoded = []
-    for name, (figure, caption) in figures.items():
-        data = _png(figure)
-        folder.file(f"figures/{name}.png", _writer(data))
-        encoded.append({"name": name, "data": base64.b64encode(data).decode(), "caption": caption})
-    loader = jinja2.PackageLoader("gaitopt")
-    page = jinja2.Environment(autoescape=True, loader=loader).get_template("run.html")
-    text = page.render(
+    text = render(
+        "run.html",
         title=f"{problem.name}: optimised gait against hand-tuned gaits",
         answer=answer_of(summary),
         tables=[_speed_table(summary), _metric_table(summary)],
-        figures=encoded,
+        figures=save_figures(folder.path, figures),
         blocks=[{"title": "The optimised gait (best.toml)", "text": optimised.best.gait.to_toml()}],
     )
     folder.file("report.html", lambda path: path.write_text(text, encoding="utf-8"))
+
+
+def save_figures(folder: Path, figures: Mapping[str, tuple[Figure, str]]) -> list[dict[str, str]]:
+    """Write figures with their captions into ``figures/``, and return what a page needs to show them."""
+    shown = []
+    for name, (figure, caption) in figures.items():
+        data = _png(figure)
+        write_into(folder, f"figures/{name}.png", _writer(data))
+        shown.append({"name": name, "data": base64.b64encode(data).decode(), "caption": caption})
+    return shown
+
+
+def render(template: str, **content: Any) -> str:
+    """Return the page of a template."""
+    loader = jinja2.PackageLoader("gaitopt")
+    page = jinja2.Environment(autoescape=True, loader=loader).get_template(template)
+    return page.render(**content)
 
 
 def write_sweep(path: Path | None, problem: Problem, points: Sequence[tuple[Problem, Gait]]) -> Path:

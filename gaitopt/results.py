@@ -13,7 +13,7 @@ from typing import IO, Any
 
 import tomli_w
 
-from gaitopt.errors import GaitoptError
+from gaitopt.errors import GaitoptError, bad_value
 from gaitopt.files import read_text, read_toml, write_text, write_with
 from gaitopt.gait import write_gait
 from gaitopt.model import nominal_mjcf
@@ -35,8 +35,9 @@ class RunFolder:
     run which ended before its first evaluation is removed again.
     """
 
-    def __init__(self, path: Path, made: bool):
+    def __init__(self, path: Path, new: bool, made: bool = False):
         self.path = path
+        self._new = new
         self._made = made
         self._lock: IO[str] | None = None
 
@@ -50,10 +51,9 @@ class RunFolder:
         model = nominal_mjcf(problem)
         path = path or _next_free(problem.name)
         made = _make(path)
-        folder = RunFolder(path, made)
+        folder = RunFolder(path, new=True, made=made)
         try:
-            folder.file("model.xml", lambda p: write_text(p, model))
-            folder.file(PROBLEM_FILE, lambda p: write_text(p, problem.to_toml("model.xml")))
+            write_problem(path, problem, model)
             content = asdict(request) | {"gaitopt": version("gaitopt"), "mujoco": version("mujoco")}
             folder.file(_REQUEST_FILE, lambda p: write_text(p, tomli_w.dumps(content)))
         except GaitoptError:
@@ -71,11 +71,13 @@ class RunFolder:
         if not (path / _REQUEST_FILE).is_file():
             raise GaitoptError(f"--resume: {path}: not a run folder (no {_REQUEST_FILE})")
         values = read_toml(path / _REQUEST_FILE)
-        try:
-            request = Request(**{key: values[key] for key in asdict(Request())})
-        except KeyError as error:
-            raise GaitoptError(f"{path / _REQUEST_FILE}: {error.args[0]}: missing; it is required") from None
-        return RunFolder(path, made=False), load_problem(path), request
+        for key, default in asdict(Request()).items():
+            if key not in values:
+                raise GaitoptError(f"{path / _REQUEST_FILE}: {key}: missing; it is required")
+            if type(values[key]) is not type(default):
+                raise bad_value(path / _REQUEST_FILE, key, values[key], f"{type(default).__name__}")
+        request = Request(**{key: values[key] for key in asdict(Request())})
+        return RunFolder(path, new=False), load_problem(path), request
 
     def __enter__(self) -> RunFolder:
         self._lock = _locked(self.path / _LOCK_FILE)
@@ -85,7 +87,7 @@ class RunFolder:
         if self._lock is not None:
             self._lock.close()
             (self.path / _LOCK_FILE).unlink(missing_ok=True)
-        if self._made and not self.started:
+        if self._new and not self.started:
             self.discard()
 
     @property
@@ -106,13 +108,7 @@ class RunFolder:
 
     def file(self, name: str, write: Callable[[Path], object]) -> Path:
         """Write one file of the run whole or not at all, and return its path."""
-        path = self.path / name
-        try:
-            path.parent.mkdir(exist_ok=True)
-        except OSError as error:
-            raise GaitoptError(f"{path.parent}: cannot be made: {error.strerror}") from None
-        write_with(path, write)
-        return path
+        return write_into(self.path, name, write)
 
     def discard(self) -> None:
         """Remove the folder with what the run wrote into it, and nothing else."""
@@ -132,7 +128,7 @@ class RunFolder:
 def summary_of(problem: Problem, optimised: Optimised) -> dict[str, Any]:
     """Return the content of ``summary.json``."""
     best = optimised.best
-    fastest = max((b.speed for b in optimised.baselines), default=math.nan)
+    fastest = max((b.speed for b in optimised.baselines if math.isfinite(b.speed)), default=math.nan)
     feasible = [b.speed for b in optimised.baselines if b.evaluation.constraints_met]
     reference = problem.simulation.reference
     return {
@@ -207,6 +203,33 @@ def _finite(value: object) -> object:
     return value
 
 
+def write_into(folder: Path, name: str, write: Callable[[Path], object]) -> Path:
+    """Write one file of a folder whole or not at all, and return its path."""
+    path = folder / name
+    try:
+        path.parent.mkdir(exist_ok=True)
+    except OSError as error:
+        raise GaitoptError(f"{path.parent}: cannot be made: {error.strerror}") from None
+    write_with(path, write)
+    return path
+
+
+def write_problem(folder: Path, problem: Problem, model: str) -> None:
+    """Write the nominal model, an MJCF, and a problem file that points to it: the folder is a problem."""
+    write_into(folder, "model.xml", lambda p: write_text(p, model))
+    write_into(folder, PROBLEM_FILE, lambda p: write_text(p, problem.to_toml("model.xml")))
+
+
+def check_new(path: Path | None) -> None:
+    """Check that a run folder may be made there, before anything is computed for it.
+
+    Raises:
+        GaitoptError: it holds something already.
+    """
+    if path is not None and path.exists() and (not path.is_dir() or any(path.iterdir())):
+        raise GaitoptError(f"--out: {path} is not empty; allowed: a new or an empty folder")
+
+
 def new_folder(path: Path | None, name: str) -> Path:
     """Return a new or empty folder: `path`, or a numbered one under `RUNS`.
 
@@ -244,6 +267,7 @@ def _make(path: Path) -> bool:
 
 def _locked(path: Path) -> IO[str]:
     """Return the open lock file; it is let go when the process ends, however it ends."""
+    file: IO[str] | None = None
     try:
         file = path.open("w")
         if sys.platform == "win32":
@@ -255,7 +279,8 @@ def _locked(path: Path) -> IO[str]:
 
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
-        if path.exists():
+        if file is not None:
+            file.close()
             raise GaitoptError(f"{path.parent}: another run is working in this folder") from None
         raise GaitoptError(f"{path}: cannot be written: {error.strerror}") from None
     return file

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Vector = tuple[_Finite, _Finite, _Finite]
@@ -32,6 +33,14 @@ class Roles(BaseModel):
     hinges: list[str] = []
     forward: _Vector = (1.0, 0.0, 0.0)
     up: _Vector = (0.0, 0.0, 1.0)
+
+    @model_validator(mode="after")
+    def _span_a_plane(self) -> Roles:
+        (a, b, c), (u, v, w) = self.forward, self.up
+        across = math.hypot(b * w - c * v, c * u - a * w, a * v - b * u)
+        if not across > 1e-6 * math.hypot(a, b, c) * math.hypot(u, v, w):
+            raise ValueError(f"forward: found {[a, b, c]}; allowed: a direction across up {[u, v, w]}")
+        return self
 
     @property
     def axes(self) -> NDArray[np.float64]:

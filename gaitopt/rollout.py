@@ -13,8 +13,9 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from gaitopt.effects.active import Active, control_columns
+from gaitopt.effects.active import Active, control_columns, with_added
 from gaitopt.effects.effect import LOOP_INTERVAL_S, Commands
+from gaitopt.errors import GaitoptError
 from gaitopt.gait import Gait
 from gaitopt.model import START, build_instrumented, scalar_joints, settled, start_targets, with_fidelity
 from gaitopt.problem import Fidelity, Problem
@@ -22,6 +23,9 @@ from gaitopt.trajectory import Trajectory
 
 _SAMPLE_S = 1e-3
 """Trajectories keep one sample a millisecond, or every step where steps are longer."""
+
+_MAX_STEPS = 5_000_000
+"""Longest rollout that is simulated at all; its record takes a gigabyte or two."""
 
 _FRAME_EDGE = 1e-9
 """Frames: a time this close before a frame counts as after it."""
@@ -108,20 +112,29 @@ class Simulator:
         transient, measured = self.problem.simulation.horizon.cycles(gait.period_s)
         return (transient + measured) * gait.period_s
 
-    def run(self, gait: Gait, scenario: int = 0, duration: float | None = None) -> Trajectory:
+    def run(
+        self, gait: Gait, scenario: int = 0, duration: float | None = None, poses: bool = False
+    ) -> Trajectory:
         """Simulate one gait in one scenario from the start pose.
 
         Args:
             gait: the gait, its channels in the problem's order.
             scenario: index into `scenarios`.
             duration: length, s; the problem's horizon by default.
+            poses: keep qpos too, for pictures.
 
         Returns:
             The trajectory, sampled each millisecond from t = 0 to at least `duration`. A simulation
             that diverges keeps its last good values and says so in `status`.
         """
-        time = self.clock(self.duration(gait) if duration is None else duration)
-        return self._simulate(time, self._sent(gait, self.scenarios[scenario]), scenario)
+        duration = self.duration(gait) if duration is None else duration
+        if duration > _MAX_STEPS * self.fidelity.timestep_s:
+            raise GaitoptError(
+                f"{gait.name}: period_s: found {gait.period_s:g}; allowed: a rollout of at most "
+                f"{_MAX_STEPS * self.fidelity.timestep_s:g} s"
+            )
+        time = self.clock(duration)
+        return self._simulate(time, self._sent(gait, self.scenarios[scenario]), scenario, poses)
 
     def _sent(self, gait: Gait, scenario: Scenario) -> Commands:
         """Return what is sent at any gait time: before 0, the start's targets."""
@@ -138,8 +151,8 @@ class Simulator:
 
     def clock(self, duration: float) -> NDArray[np.float64]:
         """Return the times of the steps from 0 to at least `duration`, s, shape (n,)."""
-        steps = math.ceil(duration / self.fidelity.timestep_s * (1.0 - 1e-12)) + 1
-        return np.arange(steps, dtype=float) * self.fidelity.timestep_s
+        samples = math.ceil(duration / (self._every * self.fidelity.timestep_s) * (1.0 - 1e-12))
+        return np.arange(samples * self._every + 1, dtype=float) * self.fidelity.timestep_s
 
     def play(self, time: NDArray[np.float64], commands: NDArray[np.float64], scenario: int = 0) -> Trajectory:
         """Simulate commands, one row per step, rad, shape (n, nu), from the start pose."""
@@ -157,7 +170,9 @@ class Simulator:
         """Return a trajectory as it would be measured: with the effects of camera, tracker and clock."""
         return self.effects.observe(trajectory, np.random.default_rng(seed))
 
-    def _simulate(self, time: NDArray[np.float64], sent: Commands, scenario: int) -> Trajectory:
+    def _simulate(
+        self, time: NDArray[np.float64], sent: Commands, scenario: int, poses: bool = False
+    ) -> Trajectory:
         """Simulate what is sent, on the clock `time`, from the start pose."""
         batch, model = self._batch(), self.models[scenario]
         if self.effects.loops:
@@ -172,42 +187,53 @@ class Simulator:
         if model.nu > ctrl.shape[1]:
             ctrl = ctrl[:, control_columns(model, self.problem.channel_names)]
         try:
-            recorded = self._rollout(batch, model, ctrl)
+            recorded, qpos = self._rollout(batch, model, ctrl, poses)
         except SimulationError as error:
             return Trajectory(time[:0], {}, f"failed: {error}")
         status = f"diverged: {_warnings(batch)}" if batch.warning[0, :, 1].any() else "ok"
-        return self._trajectory(time, commands, recorded, status)
+        return self._trajectory(time, commands, recorded, status, qpos)
 
     def _rollout(
-        self, batch: Batch, model: mujoco.MjModel, ctrl: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Return ``sensordata`` of each step, shape (n, nsensordata)."""
+        self, batch: Batch, model: mujoco.MjModel, ctrl: NDArray[np.float64], poses: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+        """Return ``sensordata`` of each step, shape (n, nsensordata), and qpos where asked, shape (n, nq)."""
         steps = len(ctrl)
-        out = self._buffer(batch, steps)
+        out = {"sensordata": self._buffer(batch, steps)}
+        if poses:
+            out["qpos"] = np.empty((1, steps, model.nq))
         chunk = max(1, round(LOOP_INTERVAL_S / self.fidelity.timestep_s)) if self.effects.loops else steps
         updates = self.effects.updates(model)
         for begin in range(0, steps, chunk):
             part = slice(begin, min(begin + chunk, steps))
-            batch.rollout(
-                part.stop - begin, ctrl[None, part], record=("sensordata",), out={"sensordata": out[:, part]}
-            )
-            last = out[0, part.stop - 1]
+            rows = {name: array[:, part] for name, array in out.items()}
+            batch.rollout(part.stop - begin, ctrl[None, part], record=tuple(out), out=rows)
             if batch.warning[0, :, 1].any():
-                out[0, part.stop :] = last
+                for array in out.values():
+                    array[0, part.stop :] = array[0, part.stop - 1]
                 break
             for update in updates:
-                update(last)
-        return out[0]
+                update(out["sensordata"][0, part.stop - 1])
+        return out["sensordata"][0], out["qpos"][0] if poses else None
 
     def _trajectory(
-        self, time: NDArray[np.float64], commands: NDArray[np.float64], data: NDArray[np.float64], status: str
+        self,
+        time: NDArray[np.float64],
+        commands: NDArray[np.float64],
+        data: NDArray[np.float64],
+        status: str,
+        qpos: NDArray[np.float64] | None,
     ) -> Trajectory:
-        every = max(1, round(_SAMPLE_S / self.fidelity.timestep_s))
-        columns = np.ascontiguousarray(data[::every].T)
+        every = self._every
+        columns = np.array(data[::every].T, order="C")  # a copy always: `data` is reused
         signals = {name: columns[i] for i, name in enumerate(self.signals) if name is not None}
         for index, name in enumerate(self.problem.channel_names):
             signals[f"target.{name}"] = commands[::every, index]
-        return Trajectory(time[::every], signals, status)
+        return Trajectory(time[::every], signals, status, None if qpos is None else qpos[::every])
+
+    @property
+    def _every(self) -> int:
+        """Steps per sample."""
+        return max(1, round(_SAMPLE_S / self.fidelity.timestep_s))
 
     def _batch(self) -> Batch:
         """Return this thread's MuJoCo data, made on first use."""
@@ -287,21 +313,25 @@ def _scenario_model(
     model: mujoco.MjModel, problem: Problem, scenario: Scenario, effects: Active
 ) -> mujoco.MjModel:
     model = copy.copy(model)
-    touching = problem.roles.pads + problem.roles.body
-    for name in touching or [model.geom(i).name for i in range(model.ngeom)]:
-        model.geom(name).friction[:] *= scenario.friction
+    named = [model.geom(name).id for name in problem.roles.pads + problem.roles.body]
+    touching = named or list(range(model.ngeom))
+    model.geom_friction[touching] *= scenario.friction
+    pairs = np.isin(model.pair_geom1, touching) | np.isin(model.pair_geom2, touching)
+    model.pair_friction[pairs] *= scenario.friction
     model.actuator_forcerange[:] *= scenario.servo_strength
     effects.edit(model)
     return model
 
 
 def _disturb(batch: Batch, scenario: Scenario, problem: Problem) -> None:
-    """Add start-pose errors to the hinge and slide joints, and turn a free first body about up."""
+    """Add start-pose errors to the hinge joints, and turn a free first body about up."""
     model = batch.model
     qpos = batch.bind("qpos")[0]
     rng = np.random.default_rng(scenario.pose_seed)
-    addresses = model.jnt_qposadr[scalar_joints(model)]
-    qpos[addresses] += scenario.start_pose_rad * rng.standard_normal(len(addresses))
+    hinges = [j for j in scalar_joints(model) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE)]
+    errors = np.zeros(model.nq)
+    errors[model.jnt_qposadr[hinges]] = scenario.start_pose_rad * rng.standard_normal(len(hinges))
+    qpos += with_added(errors, model)
     if model.njnt and int(model.jnt_type[0]) == int(mujoco.mjtJoint.mjJNT_FREE):
         turn, turned = np.empty(4), np.empty(4)
         angle = scenario.start_pose_rad * rng.standard_normal()

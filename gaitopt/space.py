@@ -78,6 +78,7 @@ class GaitSpace:
     def wrap(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the point of the unit box that stands for `point`: phases wrapped, the rest clipped."""
         wrapped: NDArray[np.float64] = np.where(self.circular, point % 1.0, point.clip(0.0, 1.0))
+        wrapped[self.circular & (wrapped == 1.0)] = 0.0  # a tiny negative phase rounds up to 1
         return wrapped
 
     def decode(self, point: NDArray[np.float64], name: str = "") -> Gait:
@@ -101,7 +102,7 @@ class GaitSpace:
         """Return the point of a gait, shape (d,); what lies outside the bounds is moved to them."""
         low, high = self.period_s
         point = [_share((math.log(low), math.log(high)), math.log(gait.period_s))]
-        reference_phase = next(iter(gait.channels.values())).phase
+        reference_phase = gait.channels[next(iter(self.channels))].phase
         for index, (name, space) in enumerate(self.channels.items()):
             channel = gait.channels[name]
             point.append(_share(space.duty, channel.duty))

@@ -41,11 +41,13 @@ class Trajectory:
             those between the robot's own parts, and ``depth``, the distance of the deepest (m,
             negative inside).
         status: ``ok``, or why the simulation is not to be trusted.
+        poses: MuJoCo's qpos at each sample, shape (n, nq), where pictures were asked for.
     """
 
     time: NDArray[np.float64]
     signals: Mapping[str, NDArray[np.float64]]
     status: str = "ok"
+    poses: NDArray[np.float64] | None = None
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         return self.signals[name]

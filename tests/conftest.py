@@ -1,7 +1,6 @@
 """Robots that the tests share, and how the tests are run."""
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,13 +15,11 @@ settings.load_profile("gaitopt")
 
 
 @pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(
-    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Path]:
-    """Every test works in an empty folder that ends empty, unless the test is about what it leaves."""
+def in_a_folder_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Every test works in an empty folder, where what it leaves behind shows."""
     folder = tmp_path_factory.mktemp("cwd")
     monkeypatch.chdir(folder)
-    yield folder
+    return folder
 
 
 @pytest.fixture(scope="session")

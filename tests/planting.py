@@ -1,16 +1,15 @@
 """Trials made by other numerics than the diagnosis uses, with a gap planted in them."""
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import tomli_w
 
+from gaitopt.effects.active import Values
 from gaitopt.files import csv_text
-from gaitopt.model import start_targets
 from gaitopt.problem import Fidelity, Problem
 from gaitopt.rollout import Scenario, Simulator
 from gaitopt.trajectory import Trajectory
@@ -21,45 +20,15 @@ _SUFFIX = {"marker": "m", "joint": "rad"}
 
 
 def rollout(
-    problem: Problem,
-    gait: str,
-    duration: float,
-    delay_s: float = 0.0,
-    travel: float = 1.0,
-    change: Callable[[mujoco.MjModel], None] | None = None,
-    pose_seed: int = 7,
-    fidelity: Fidelity = OTHER,
+    problem: Problem, gait: str, duration: float, effects: Mapping[str, Values] | None = None
 ) -> Trajectory:
-    """A gait played late, with another travel, on a changed model, from a start pose 2 mrad off."""
-    pose = Scenario(start_pose_rad=0.002, pose_seed=pose_seed)
-    simulator = Simulator.build(problem, (pose,), fidelity)
+    """A gait on a robot with effects, from a start pose 2 mrad off."""
+    pose = Scenario(start_pose_rad=0.002, pose_seed=7)
+    simulator = Simulator.build(problem.with_effects(effects or {}), (pose,), OTHER)
     model = copy.copy(simulator.models[0])
     model.opt.impratio = 20
-    if change is not None:
-        change(model)
-    time = simulator.clock(duration)
-    sent = problem.baselines[gait].targets(np.maximum(time - delay_s, 0.0))
-    commands = travel * np.where((time < delay_s)[:, None], start_targets(problem), sent)
-    return replace(simulator, models=(model,)).play(time, commands)
-
-
-def slope(angle_rad: float) -> Callable[[mujoco.MjModel], None]:
-    """An uphill slope along world x."""
-
-    def tilt(model: mujoco.MjModel) -> None:
-        model.opt.gravity[:] = 9.81 * np.array([-np.sin(angle_rad), 0.0, -np.cos(angle_rad)])
-
-    return tilt
-
-
-def pads(problem: Problem, factor: float) -> Callable[[mujoco.MjModel], None]:
-    """Another friction of the pads."""
-
-    def scale(model: mujoco.MjModel) -> None:
-        for name in problem.roles.pads:
-            model.geom(name).friction[0] *= factor
-
-    return scale
+    other = replace(simulator, models=(model,))
+    return other.observe(other.run(problem.baselines[gait], duration=duration))
 
 
 def filmed(
@@ -82,9 +51,7 @@ def filmed(
     return columns
 
 
-def dataset(
-    folder: Path, trials: Mapping[str, tuple[str, Mapping[str, np.ndarray]]], **more: object
-) -> Path:
+def dataset(folder: Path, trials: Mapping[str, tuple[str, Mapping[str, np.ndarray]]], **more: object) -> Path:
     """Write a data set: for each trial its gait and its columns."""
     folder.mkdir(parents=True, exist_ok=True)
     entries = []

@@ -516,8 +516,8 @@ def gait_file(strider: Problem, old: str, new: str) -> Path:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("channels.rear", "channels.raer", "gait.toml: unknown channel 'raer'; known: rear, front (nearest: 'rear')"),
-        ("duty = 0.4", "duty = 1.4", "gait.toml: channels.rear.duty: found 1.4; allowed: less than or equal to 1"),
+        ("channels.rear", "channels.raer", "gait.toml: unknown channel 'raer'; known: rear, front (nearest: 'rear')"),  # noqa: E501
+        ("duty = 0.4", "duty = 1.4", "gait.toml: channels.rear.duty: found 1.4; allowed: less than or equal to 1"),  # noqa: E501
         ("period_s = 0.4", "period_s = -0.4", "gait.toml: period_s: found -0.4; allowed: greater than 0"),
         ("duty = 0.4", "duty = nan", "gait.toml: channels.rear.duty: found nan; allowed: "),
         (
@@ -584,26 +584,26 @@ BAD_OPTIONS = {
         "--executor: found 'thread'; allowed: threads, processes, serial (nearest: 'threads')",
     ),
     "nothing to resume": (("optimise", "--resume", "gone"), "--resume: gone: not a run folder (no run.toml)"),
-    "unknown parameter": (("simulate", "square", "--set", "mu_raer=1"), "unknown parameter 'mu_raer'; known: "),
-    "NaN parameter": (("simulate", "square", "--set", "mass=nan"), "parameters.mass.value: found nan; allowed: "),
+    "unknown parameter": (("simulate", "square", "--set", "mu_raer=1"), "unknown parameter 'mu_raer'; known: "),  # noqa: E501
+    "NaN parameter": (("simulate", "square", "--set", "mass=nan"), "parameters.mass.value: found nan; allowed: "),  # noqa: E501
     "impossible mass": (("simulate", "square", "--set", "mass=-1"), "strider.xml: "),
-    "unknown gait": (("simulate", "sqare"), "sqare: neither a baseline nor a gait file nor an exported table "),
+    "unknown gait": (("simulate", "sqare"), "sqare: neither a baseline nor a gait file nor an exported table "),  # noqa: E501
     "missing gait file": (("simulate", "gone.toml"), "gone.toml: neither a baseline nor a gait file"),
-    "CSV nowhere": (("simulate", "square", "--csv", "gone/walk.csv"), "gone/walk.csv: cannot be written: No such"),
-    "sweep over nothing": (("sweep", "--over", "period_s"), "--over: found 'period_s'; allowed: NAME=V1,V2,… with"),
-    "sweep over a word": (("sweep", "--over", "period_s=slow"), "--over: found 'period_s=slow'; allowed: NAME="),
-    "sweep over NaN": (("sweep", "--over", "period_s=1,nan"), "--over: found 'period_s=1,nan'; allowed: NAME="),
-    "sweep over an unknown": (("sweep", "--over", "period=1"), "--over: unknown parameter 'period'; known: period_s,"),
+    "CSV nowhere": (("simulate", "square", "--csv", "gone/walk.csv"), "gone/walk.csv: cannot be written: No such"),  # noqa: E501
+    "sweep over nothing": (("sweep", "--over", "period_s"), "--over: found 'period_s'; allowed: NAME=V1,V2,… with"),  # noqa: E501
+    "sweep over a word": (("sweep", "--over", "period_s=slow"), "--over: found 'period_s=slow'; allowed: NAME="),  # noqa: E501
+    "sweep over NaN": (("sweep", "--over", "period_s=1,nan"), "--over: found 'period_s=1,nan'; allowed: NAME="),  # noqa: E501
+    "sweep over an unknown": (("sweep", "--over", "period=1"), "--over: unknown parameter 'period'; known: period_s,"),  # noqa: E501
     "sweep to a negative period": (
         ("sweep", "--over", "period_s=1,-1"),
         "--over period_s=-1: period_s: found -1.0; allowed: greater than 0",
     ),
     "sweep out of the travel": (
         ("sweep", "--over", "rear.offset_deg=80"),
-        "--over rear.offset_deg=80: channels.rear: found 'targets from 80 to 120 degrees'; allowed: the servo's",
+        "--over rear.offset_deg=80: channels.rear: found 'targets from 80 to 120 degrees'; allowed: the servo's",  # noqa: E501
     ),
-    "compare with a negative seed": (("compare", "square", "--seed", -1), "--seed: found -1; allowed: 0 or more"),
-    "model nowhere": (("model", "--out", "gone/robot.xml"), "gone/robot.xml: cannot be written: No such file"),
+    "compare with a negative seed": (("compare", "square", "--seed", -1), "--seed: found -1; allowed: 0 or more"),  # noqa: E501
+    "model nowhere": (("model", "--out", "gone/robot.xml"), "gone/robot.xml: cannot be written: No such file"),  # noqa: E501
     "dt of 0": (
         ("command", "square", "--dt", 0, "--duration", 1, "--out", "c.csv"),
         "--dt: found 0.0; allowed: a positive number of seconds",

@@ -292,7 +292,7 @@ def test_energy_does_not_appear_from_nowhere(robot: Path | str) -> None:
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("start").id)
-    height = [i for i in range(model.njnt) if model.joint(i).name in ("base", "above")][0]
+    height = next(i for i in range(model.njnt) if model.joint(i).name in ("base", "above"))
     data.qpos[model.jnt_qposadr[height] + (2 if model.jnt_type[height] == 0 else 0)] += 0.02
     energies = []
     for _ in range(1500):

@@ -176,7 +176,7 @@ BAD_FILES = {
     "a path without an attribute": (
         'sets = ["actuator/position/@kp"]',
         'sets = ["actuator/position"]',
-        "parameters.k_servo.sets: path: found 'actuator/position'; allowed: an XPath that ends in /@attribute",
+        "parameters.k_servo.sets: path: found 'actuator/position'; allowed: an XPath that ends in /@attribute",  # noqa: E501
     ),
     "a path that is broken": (
         'sets = ["actuator/position/@kp"]',
@@ -224,7 +224,7 @@ BAD_MODELS = {
         "problem.toml: channels: found 'rear, front'; allowed: the model's actuators in order: front, rear",
     ),
     "an actuator more": (
-        lambda f: edited(f / "strider.xml", "</actuator>", '<position name="third" joint="pitch"/></actuator>'),
+        lambda f: edited(f / "strider.xml", "</actuator>", '<position name="third" joint="pitch"/></actuator>'),  # noqa: E501
         "problem.toml: channels: found 'rear, front'; "
         "allowed: the model's actuators in order: rear, front, third",
     ),
@@ -261,7 +261,7 @@ BAD_MODELS = {
         "gone.xml: no such file",
     ),
     "a mesh from outside": (
-        lambda f: edited(f / "strider.xml", "<worldbody>", '<asset><mesh file="../a.stl"/></asset><worldbody>'),
+        lambda f: edited(f / "strider.xml", "<worldbody>", '<asset><mesh file="../a.stl"/></asset><worldbody>'),  # noqa: E501
         "strider.xml: mesh file: found '../a.stl'; allowed: a file in the problem's folder",
     ),
     "no keyframe to start from": (
@@ -338,7 +338,7 @@ def test_a_bad_parameter_is_one_line(strider: Problem, values: dict[str, float],
 
 
 def test_a_value_that_no_robot_has_is_one_line(tmp_path: Path, strider: Problem) -> None:
-    with pytest.raises(GaitoptError, match="strider.xml: ") as error:
+    with pytest.raises(GaitoptError, match=r"strider\.xml: ") as error:
         build_model(strider.with_parameters({"mass": -1.0}))
     assert "\n" not in str(error.value)
 
@@ -380,7 +380,8 @@ def test_a_gait_that_is_not_there_says_what_is(tmp_path: Path, strider: Problem)
     with pytest.raises(GaitoptError) as error:
         strider.find_gait("sqare")
     assert str(error.value) == (
-        "sqare: neither a baseline nor a gait file nor a run folder; baselines: stride, square"
+        "sqare: neither a baseline nor a gait file nor an exported table nor a run folder; "
+        "baselines: stride, square"
     )
     with pytest.raises(GaitoptError, match=r"best\.toml: no such file; .* is not a finished run folder"):
         strider.find_gait(str(tmp_path))

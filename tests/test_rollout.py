@@ -195,7 +195,8 @@ def test_every_signal_of_the_robot_is_recorded(strider: Problem) -> None:
         *(f"marker.{axis}" for axis in "xyz"),
         *(f"heading.{part}" for part in "wxyz"),
         *("contacts", "contacts_all", "depth"),
-        *(f"{kind}.{name}" for kind in ("target", "position", "rate", "torque") for name in ("rear", "front")),
+        *(f"{kind}.rear" for kind in ("target", "position", "rate", "torque")),
+        *(f"{kind}.front" for kind in ("target", "position", "rate", "torque")),
         *(f"joint.{name}" for name in ("along", "above", "pitch", "rear_hip", "front_hip")),
         *(f"{kind}.{pad}.{axis}" for kind in ("load", "pad_speed") for pad in strider.roles.pads
           for axis in "xyz"),

@@ -30,8 +30,10 @@ class Aligned:
         simulated: the prediction, from gait time 0 on.
         offset_s: gait time at the recording's zero, s, given or fitted.
         time: gait time of each sample, s, shape (n,).
-        predicted: for each signal the prediction at those times, moved to the measured origin, shape (n,).
-        residual: measured minus predicted, of zero mean; NaN where a sample does not count, shape (n,).
+        predicted: for each signal the prediction at those times, the marker's moved to the measured
+            origin, shape (n,).
+        residual: measured minus predicted, the marker's of zero mean; NaN where a sample does not count,
+            shape (n,).
     """
 
     trial: Trial
@@ -59,10 +61,10 @@ def is_marker(signal: str) -> bool:
 def align(trial: Trial, simulated: Trajectory) -> Aligned:
     """Return a trial beside a prediction, its nuisances fitted.
 
-    The origin of every signal is free. Where the gait time of the recording's start is unknown, the
-    offset between one period before and one after is taken that leaves the least squared residual
-    about a line, so that a difference in speed does not pull at it; signals weigh alike, each by its
-    own spread.
+    The origin of the marker's coordinates is free, that of angles is not. Where the gait time of the
+    recording's start is unknown, the offset between one period before and one after is taken that
+    leaves the least squared residual about a line, so that a difference in speed does not pull at it;
+    signals weigh alike, each by its own spread.
 
     Raises:
         GaitoptError: the simulation failed.
@@ -75,7 +77,7 @@ def align(trial: Trial, simulated: Trajectory) -> Aligned:
     for name, series in trial.signals.items():
         raw = np.interp(time, simulated.time, simulated[name])
         difference = np.where(trial.used[name], series - raw, np.nan)
-        origin = float(np.nanmean(difference))
+        origin = float(np.nanmean(difference)) if is_marker(name) else 0.0
         predicted[name], residual[name] = raw + origin, difference - origin
     return Aligned(trial, simulated, offset, time, predicted, residual)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ GRIDS_S = (1.0, 0.5, 0.25, 0.2, 0.1, 0.05, 0.04, 0.025, 0.02, 0.01, 0.005)
 _COARSE = 0.25
 """A grid matters if it is at least this share of the time between frames."""
 
-_STRETCH = 8
+_STRETCH = 12
 """Fewer steps than this tell nothing."""
 
 _LINE = 0.2
@@ -35,26 +36,45 @@ def rounded_clock(trial: Trial) -> Found:
         return trial, None
     grid, first = found
     stamps = trial.time[first:]
-    order = np.arange(len(stamps), dtype=float)
-    even = np.polyval(np.polyfit(order, stamps, 1), order)
+    even = _even_clock(trial.time, first, grid)
     where = "throughout" if first == 0 else f"from t = {stamps[0]:.2f} s on"
     spans = ((float(stamps[0]), float(stamps[-1])),)
-    if np.abs(even - stamps).max() > 0.75 * grid:
+    if even is None:
         message = (
             f"time stamps are rounded to {grid:g} s {where}, and frames are missing: they stay, and "
             f"timing is known to ±{grid / 2:g} s only"
         )
-        return trial, Defect("clock_rounding", trial.name, message, 0, spans, {}, {"grid_s": grid})
+        unsure = replace(trial, clock_s=grid / math.sqrt(12.0))
+        return unsure, Defect("clock_rounding", trial.name, message, 0, spans, {}, {"grid_s": grid})
     time = trial.time.copy()
-    time[first:] = np.maximum(even, time[first - 1]) if first else even
+    time[first:] = even
     at_stamps = {name: np.interp(trial.time, time, series) for name, series in bridged(trial).items()}
     errors = errors_of(trial, at_stamps, np.arange(len(time)) >= first)
     message = (
         f"time stamps are rounded to {grid:g} s {where}; {len(stamps)} of them were replaced by the even "
         f"clock that they round"
     )
-    restored = replace(trial, time=time)
+    # A grid that is a multiple of the frame leaves the clock free by one frame.
+    restored = replace(trial, time=time, clock_s=min(grid, float(np.median(np.diff(even)))) / math.sqrt(12.0))
     return restored, Defect("clock_rounding", trial.name, message, 0, spans, errors, {"grid_s": grid})
+
+
+def _even_clock(time: Series, first: int, grid: float) -> Series | None:
+    """Return evenly spaced times that round to the stamps from index `first` on, s; None if none do.
+
+    The frames before them go on, or else the line through the stamps is taken.
+    """
+    stamps = time[first:]
+    order = np.arange(len(stamps), dtype=float)
+    if first >= _STRETCH:
+        slope, begin = np.polyfit(np.arange(first), time[:first], 1)
+        even: Series = begin + slope * (first + order)
+        if np.abs(even - stamps).max() <= 0.55 * grid:
+            return even
+    even = np.polyval(np.polyfit(order, stamps, 1), order)
+    if np.abs(even - stamps).max() > 0.75 * grid:
+        return None
+    return np.maximum(even, time[first - 1]) if first else even
 
 
 def _on_grid(time: Series, grid: float) -> tuple[float, int] | None:
@@ -67,7 +87,7 @@ def _on_grid(time: Series, grid: float) -> tuple[float, int] | None:
     frame = float(steps.mean())
     low = int(frame)
     shares = [float(np.mean(steps == low)), float(np.mean(steps == low + 1))]
-    uneven = min(shares) >= 0.1 and sum(shares) >= 0.9
+    uneven = min(shares) >= 0.1 and sum(shares) >= 0.9 and _even_clock(time, first, grid) is not None
     repeated = float(np.mean(steps == 0)) >= 0.2
     return (grid, first) if _COARSE * frame <= 1.0 and (uneven or repeated) else None
 

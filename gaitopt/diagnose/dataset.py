@@ -82,6 +82,7 @@ class Trial:
         starts_at_s: gait time at the recording's zero, s; None where it is not known.
         noise_m: standard deviation of the marker's noise, m, if it is known.
         fps: frames a second, if known.
+        clock_s: standard deviation of the time stamps' common error, s, where they had been rounded.
     """
 
     name: str
@@ -92,6 +93,7 @@ class Trial:
     starts_at_s: float | None = None
     noise_m: float | None = None
     fps: float | None = None
+    clock_s: float = 0.0
 
     @staticmethod
     def of(name: str, gait: Gait, time: Series, signals: Mapping[str, Series]) -> Trial:

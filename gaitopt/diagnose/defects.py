@@ -20,6 +20,8 @@ _DROPPED = 1.8
 
 _FROZEN_SAMPLES = 4
 _OUTLIER_WINDOW = 7
+"""Samples whose median an outlier strays from; fewer where they would span an eighth of a cycle."""
+
 _OUTLIER_SIGMAS = 6.0
 _OUTLIER_RANGE = 0.05
 """An outlier strays from the median of its neighbours by this share of what a cycle goes through."""
@@ -123,16 +125,14 @@ def outliers(trial: Trial, period: float | None) -> Found:
         period: of the gait, s; None where it is not known.
     """
     flags = np.zeros(len(trial.time), dtype=bool)
+    in_an_eighth = trial.period / trial.frame_s / 8.0
+    window = int(np.clip(in_an_eighth, 3, _OUTLIER_WINDOW)) // 2 * 2 + 1
     for name, series in markers(trial).items():
         keep = np.flatnonzero(trial.used[name])
         if len(keep) < _OUTLIER_WINDOW:
             continue
-        away = series[keep] - median_filter(series[keep], _OUTLIER_WINDOW, mode="nearest")
         limit = max(_OUTLIER_SIGMAS * noise_of(series[keep]), _OUTLIER_RANGE * cycle_range(trial, name))
-        far = np.flatnonzero(np.abs(away) > limit)
-        if period is not None:
-            far = far[~_recurring(trial.time[keep], away, far, period)]
-        flags[keep[far]] = True
+        flags[keep] |= _far(trial.time[keep], series[keep], window, limit, period)
     if not flags.any():
         return trial, None
     cleaned = trial.masked(flags, "marker")
@@ -150,6 +150,27 @@ def outliers(trial: Trial, period: float | None) -> Found:
     return cleaned, Defect("marker_outliers", trial.name, message, count, spans, errors, {"share": share})
 
 
+def _far(time: Series, series: Series, window: int, limit: float, period: float | None) -> Flags:
+    """Return which samples stray from the median of their neighbours, the farthest first.
+
+    A sample beside an outlier strays a little in fast motion; it is judged once that is out of the way.
+    """
+    flags = np.zeros(len(series), dtype=bool)
+    judged = flags.copy()
+    while True:
+        without = np.interp(time, time[~flags], series[~flags])
+        away = np.where(judged, 0.0, series - median_filter(without, window, mode="nearest"))
+        away[np.abs(away) <= max(limit, 0.5 * np.abs(away).max())] = 0.0
+        far = np.flatnonzero(away)
+        if len(far) == 0:
+            return flags
+        judged[far] = True
+        motion = np.zeros(len(far), dtype=bool)
+        if period is not None:
+            motion = _recurring(time, series - median_filter(series, window, mode="nearest"), far, period)
+        flags[far[~motion]] = True
+
+
 def _recurring(time: Series, away: Series, indices: NDArray[np.intp], period: float) -> Flags:
     """Return which excursions are seen, with the same sign, at the same phase of half the other cycles.
 
@@ -160,10 +181,10 @@ def _recurring(time: Series, away: Series, indices: NDArray[np.intp], period: fl
     for number, index in enumerate(indices):
         turns = np.round((time - time[index]) / period)
         here = (np.abs(time - time[index] - turns * period) <= 1.5 * frame) & (turns != 0.0)
-        relative = away / away[index]
+        toward, enough = away * np.sign(away[index]), 0.5 * abs(away[index])
         others = len(np.unique(turns[here]))
-        like = len(np.unique(turns[here & (relative > 0.5)]))
-        unlike = len(np.unique(turns[here & (relative < -0.5)]))
+        like = len(np.unique(turns[here & (toward > enough)]))
+        unlike = len(np.unique(turns[here & (toward < -enough)]))
         motion[number] = others > 0 and like >= 0.5 * others and unlike < 0.5 * like
     return motion
 

@@ -36,7 +36,9 @@ class Floor:
         noise: of the measurement, from the record or as the data set says.
         spread: of the cycles about their mean, in the record; includes its noise.
         start_pose: change of the prediction with the start pose.
-        numerics: change of the prediction when the timestep is halved.
+        numerics: error of the prediction by its timestep: twice the change when that is halved, as for
+            any method of first order, which contact makes all of them.
+        clock: change of the prediction by the error of time stamps that had been rounded.
         repeats: of trials of one gait about their mean; None where there is one trial.
     """
 
@@ -44,6 +46,7 @@ class Floor:
     spread: float
     start_pose: float
     numerics: float
+    clock: float = 0.0
     repeats: float | None = None
 
     @property
@@ -51,7 +54,7 @@ class Floor:
         """The floor: run to run as repeats show it, or cycle to cycle and by the start pose."""
         within = max(self.noise, self.spread)
         run = math.hypot(within, self.start_pose) if self.repeats is None else max(within, self.repeats)
-        return math.hypot(run, self.numerics)
+        return math.hypot(run, self.numerics, self.clock)
 
 
 Floors = Mapping[str, Floor]
@@ -81,7 +84,7 @@ def measure_floors(
     finer, *drawn = predict_each(robots, [aligned.trial for aligned in trials], executor)
     floors: list[Floors] = []
     for index, aligned in enumerate(trials):
-        numerics = _change(aligned, [finer[index]])
+        halving = _change(aligned, [finer[index]])
         start_pose = _change(aligned, [row[index] for row in drawn])
         repeats = _repeats(aligned, trials)
         transient, _ = simulator.problem.simulation.horizon.cycles(aligned.trial.period)
@@ -91,7 +94,8 @@ def measure_floors(
                     _noise(aligned.trial, name),
                     cycle_spread(aligned, name, transient * aligned.trial.period),
                     start_pose[name],
-                    numerics[name],
+                    2.0 * halving[name],
+                    _clock(aligned, name),
                     repeats.get(name),
                 )
                 for name in aligned.trial.signals
@@ -115,6 +119,13 @@ def _noise(trial: Trial, name: str) -> float:
     if trial.noise_m is not None and is_marker(name):
         return trial.noise_m
     return noise_of(trial.signals[name][trial.used[name]])
+
+
+def _clock(aligned: Aligned, name: str) -> float:
+    """Return the RMS change of a prediction by the trial's error in time, m or rad."""
+    late = np.interp(aligned.time + aligned.trial.clock_s, aligned.simulated.time, aligned.simulated[name])
+    now = np.interp(aligned.time, aligned.simulated.time, aligned.simulated[name])
+    return float(np.sqrt(np.mean((late - now) ** 2)))
 
 
 def cycle_spread(aligned: Aligned, name: str, transient: float) -> float:

@@ -11,9 +11,6 @@ from gaitopt.gait import Gait
 from gaitopt.rollout import Simulator
 from gaitopt.trajectory import Trajectory
 
-Job = tuple[Simulator, int, Gait, float]
-"""Simulator, index of its scenario, gait, and duration in s."""
-
 
 def predict(simulator: Simulator, trials: Sequence[Trial], executor: Executor) -> list[Trajectory]:
     """Return the nominal prediction of each trial, from gait time 0; trials of one gait share a rollout."""
@@ -39,12 +36,16 @@ def predict_each(
     for key, trial in zip(keys, trials, strict=True):
         durations[key] = max(durations.get(key, 0.0), _end(trial))
         gaits[key] = trial.gait
-    # The simulator's rollouts share one buffer a thread, so what is submitted is whole rollouts.
     rows = [
-        {key: executor.submit(simulator.run, gaits[key], scenario, durations[key]) for key in gaits}
+        {key: executor.submit(_measured, simulator, gaits[key], scenario, durations[key]) for key in gaits}
         for simulator, scenario in robots
     ]
     return [[row[key].result() for key in keys] for row in rows]
+
+
+def _measured(simulator: Simulator, gait: Gait, scenario: int, duration: float) -> Trajectory:
+    """Return a rollout as it would be measured."""
+    return simulator.observe(simulator.run(gait, scenario, duration))
 
 
 def gait_key(gait: Gait) -> str:

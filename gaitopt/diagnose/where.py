@@ -6,8 +6,8 @@ In its steady motion a measured signal m is compared with the simulated s as
 
 with T the period. `delay` is timing. `size` is stride, with the travel that goes with it: a robot that
 moves 10 % less inside each cycle also gets 10 % less far. `drift` is the travel per cycle that neither
-explains: slip, slope, drag. What is left of the mean cycle is stride again, its shape; what differs
-from cycle to cycle is noise; what differs before the steady motion is transient.
+explains: slip, slope, drag. What is left of the mean cycle is stride again: its shape, or the level of
+an angle; what differs from cycle to cycle is noise; what differs before the steady motion is transient.
 """
 
 from __future__ import annotations
@@ -90,6 +90,9 @@ def split(aligned: Aligned, signal: str, transient: float, extra: Mapping[str, f
     noise = float(np.nanmean(rest**2)) * cycles.count / (cycles.count - 1)
     squares["timing"] = float(np.mean((delayed - shape_simulated) ** 2))
     squares["stride"] += max(0.0, float(np.mean((shape - delayed) ** 2)) - noise / cycles.count)
+    squares["stride"] += (
+        float(np.mean(residual)) ** 2
+    )  # an angle is off throughout; a marker's origin is free
     squares["noise"] = noise
     squares["transient"] = _transient(time, residual, cycles, measured - simulated, noise)
     # The parts overlap a little; together they are the gap, so each is given its share of that.
@@ -101,7 +104,7 @@ def split(aligned: Aligned, signal: str, transient: float, extra: Mapping[str, f
         (travel, travel_simulated),
         size,
         delay * trial.period,
-        _by_phase(cycles, measured - simulated),
+        _by_phase(cycles, measured - simulated, float(np.mean(residual))),
     )
 
 
@@ -146,10 +149,11 @@ def _transient(time: Series, residual: Series, cycles: Cycles, rows: Series, noi
     return max(0.0, float((stray[early] ** 2).sum()) - noise * int(early.sum())) / len(time)
 
 
-def _by_phase(cycles: Cycles, rows: Series) -> Series:
+def _by_phase(cycles: Cycles, rows: Series, mean: float) -> Series:
+    """Return the RMS at each share of the gait's cycle, travel removed, about the residual's `mean`."""
     travel, _, _ = steady(rows)
     flat = rows - travel * (np.arange(cycles.count)[:, None] + np.arange(PHASES)[None, :] / PHASES)
-    flat = flat - np.nanmean(cycle_means(flat))
+    flat = flat - np.nanmean(cycle_means(flat)) + mean
     bins = np.broadcast_to((cycles.phases * PHASE_BINS).astype(int), flat.shape)
     finite = np.isfinite(flat)
     counts = np.bincount(bins[finite], minlength=PHASE_BINS)

@@ -170,7 +170,9 @@ def control_columns(model: mujoco.MjModel, channels: Sequence[str]) -> list[int]
     return [channels.index(owner_of(name) if is_added(name) else name) for name in names]
 
 
-def transferred(qpos: NDArray[np.float64], nominal: mujoco.MjModel, model: mujoco.MjModel) -> NDArray[np.float64]:
+def transferred(
+    qpos: NDArray[np.float64], nominal: mujoco.MjModel, model: mujoco.MjModel
+) -> NDArray[np.float64]:
     """Return a nominal robot's pose for a model with the same joints in the same order and added ones.
 
     Each joint keeps its distance from its reference; an added one stands where the joint that it belongs
@@ -182,9 +184,15 @@ def transferred(qpos: NDArray[np.float64], nominal: mujoco.MjModel, model: mujoc
         old, new = nominal.joint(before).qpos0, int(model.jnt_qposadr[joint])
         start = int(nominal.jnt_qposadr[before])
         pose[new : new + len(old)] += qpos[start : start + len(old)] - old
+    return with_added(pose, model)
+
+
+def with_added(pose: NDArray[np.float64], model: mujoco.MjModel) -> NDArray[np.float64]:
+    """Return joint angles, shape (nq,), in which each added joint has its owner's."""
+    pose = np.array(pose)
     for joint in range(model.njnt):
         name = model.joint(joint).name
-        if is_added(name) and joint not in own:
+        if is_added(name):
             pose[model.jnt_qposadr[joint]] = pose[model.joint(owner_of(name)).qposadr[0]]
     return pose
 
@@ -202,13 +210,12 @@ def table(nominal: Parts | None = None) -> list[dict[str, object]]:
 def _row(effect: Effect, nominal: Parts | None) -> dict[str, object]:
     row: dict[str, object] = {
         "name": effect.name,
-        "summary": effect.summary,
+        "meaning": effect.summary,
         "parameter": effect.parameter,
         "unit": effect.unit,
         "neutral": _words(effect.neutral),
-        "low": effect.low,
-        "high": effect.high,
-        "in_multiples_of": effect.reference_name,
+        "bounds": [effect.low, effect.high],
+        "bounds_times": effect.reference_name,
         "scale": effect.scale,
         "prior": str(effect.prior),
         "prior_source": effect.prior.source,
@@ -219,9 +226,8 @@ def _row(effect: Effect, nominal: Parts | None) -> dict[str, object]:
     reason = effect.why_not(nominal)
     row |= {"applies": reason is None, "why_not": reason or ""}
     if reason is None:
-        low, high = effect.bounds(nominal)
         neutral = _words(effect.neutral_value(nominal))
-        row |= {"neutral": neutral, "low": low, "high": high, "in_multiples_of": ""}
+        row |= {"neutral": neutral, "bounds": list(effect.bounds(nominal)), "bounds_times": ""}
     return row
 
 

@@ -88,7 +88,9 @@ COM_OFFSET = Effect(
     low=-0.7,
     high=0.7,
     scale="lin",
-    prior=Prior("normal", 0.0, 0.15, "servos and brackets glued by hand, to within a few mm on a module of 50 mm"),
+    prior=Prior(
+        "normal", 0.0, 0.15, "servos and brackets glued by hand, to within a few mm on a module of 50 mm"
+    ),
     reference=_module_length,
     reference_name="the first module's radius",
     model=_shift_centre,
@@ -115,7 +117,7 @@ LINK_INERTIA = Effect(
 
 
 def _scale_lengths(spec: mujoco.MjSpec, nominal: Parts, scale: float) -> None:
-    """Put the robot into a frame that scales its lengths, keeps its masses, and scales its inertias to fit."""
+    """Put the robot into a frame that scales lengths, and inertias with their square, but not masses."""
     frame = spec.worldbody.add_frame(
         scale=[scale] * 3, massscale=1.0, scaling=mujoco.mjtScaling.mjSCALING_GEOMETRY
     )
@@ -136,7 +138,9 @@ GEOMETRY_SCALE = Effect(
     low=0.85,
     high=1.15,
     scale="log",
-    prior=Prior("log-normal", 1.0, 0.03, "laser cut to 0.2 mm; folds and hinge gaps take or give a few mm in 50"),
+    prior=Prior(
+        "log-normal", 1.0, 0.03, "laser cut to 0.2 mm; folds and hinge gaps take or give a few mm in 50"
+    ),
     allowed=(0.0, 100.0),
     structure=_scale_lengths,
 )
@@ -175,7 +179,9 @@ TETHER_DRAG = Effect(
     low=0.0,
     high=0.3,
     scale="lin",
-    prior=Prior("half-normal", 0.0, 0.05, "a thin cable that bends and drags: 10 to 50 mN on a robot of 0.8 N"),
+    prior=Prior(
+        "half-normal", 0.0, 0.05, "a thin cable that bends and drags: 10 to 50 mN on a robot of 0.8 N"
+    ),
     reference=_weight,
     reference_name="the robot's weight",
     structure=_add_tether,

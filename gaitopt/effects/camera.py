@@ -47,7 +47,9 @@ CAMERA_SCALE = Effect(
     low=0.85,
     high=1.15,
     scale="log",
-    prior=Prior("log-normal", 1.0, 0.03, "a ruler some mm behind the robot's plane, 0.5 m from a phone; lens shading"),
+    prior=Prior(
+        "log-normal", 1.0, 0.03, "a ruler some mm behind the robot's plane, 0.5 m from a phone; lens shading"
+    ),
     allowed=(0.0, math.inf),
     observe=_scale,
 )
@@ -108,7 +110,10 @@ CLOCK_RATE = Effect(
     high=1.1,
     scale="log",
     prior=Prior(
-        "log-normal", 1.0, 0.01, "quartz is far better; frame rates taken as 30 for 29.97, or variable, are not"
+        "log-normal",
+        1.0,
+        0.01,
+        "quartz is far better; frame rates taken as 30 for 29.97, or variable, are not",
     ),
     allowed=(0.0, math.inf),
     observe=_run_fast,

@@ -14,10 +14,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.effects.effect import Effect, Parts, Prior, Update, added_name
+from gaitopt.effects.effect import LOOP_INTERVAL_S, Effect, Parts, Prior, Update, added_name
 
 _LOADED = 0.02
 """A geom that carries less than this share of the robot's weight does not count as loaded."""
+
+_LOAD_S = 0.02
+"""Time constant over which a load counts: a simulated contact chatters, a power of its force would not
+have the power of its mean."""
+
+_STAND_S = 0.05
+"""Time over which the loads at the start are averaged."""
 
 _NET_FORCE = 3
 """MuJoCo's number of ``reduce="netforce"`` in a contact sensor."""
@@ -68,7 +75,9 @@ PAD_FRICTION = Effect(
     low=0.3,
     high=3.0,
     scale="log",
-    prior=Prior("log-normal", 1.0, 0.25, "dust, wear and another floor change tape's and glue's grip by a quarter"),
+    prior=Prior(
+        "log-normal", 1.0, 0.25, "dust, wear and another floor change tape's and glue's grip by a quarter"
+    ),
     allowed=(0.0, math.inf),
     role="pads",
     model=_scale_pads,
@@ -189,6 +198,8 @@ def _sense_loads(spec: mujoco.MjSpec, nominal: Parts, geoms: Sequence[int]) -> N
     """Add a sensor of each geom's net force on the ground, in the world."""
     for geom in geoms:
         name = nominal.model.geom(geom).name
+        if spec.sensor(added_name("load", name)) is not None:
+            continue
         spec.add_sensor(
             name=added_name("load", name),
             type=mujoco.mjtSensor.mjSENS_CONTACT,
@@ -224,8 +235,9 @@ def _directed(parts: Parts, ratio: float) -> Update:
             force = sensed[adr : adr + 3].tolist()
             ahead, aside = -_dot(force, forward), _dot(force, left)
             size = math.hypot(ahead, aside)
-            share = ahead / size if ahead > 0.0 else 0.0
-            friction.scale(index, 1.0 / math.sqrt(1.0 - share**2 + (share / ratio) ** 2))
+            if size > 0.0:
+                share = max(0.0, ahead / size)
+                friction.scale(index, 1.0 / math.sqrt(1.0 - share**2 + (share / ratio) ** 2))
 
     return update
 
@@ -262,31 +274,38 @@ def _weight(parts: Parts) -> float:
     return float(parts.model.body_subtreemass[1]) * float(np.linalg.norm(parts.model.opt.gravity))
 
 
-def _mean_load(parts: Parts) -> float:
-    """Return the weight over the number of geoms that carry it in the start pose, N."""
-    data = mujoco.MjData(parts.model)
-    mujoco.mj_resetDataKeyframe(parts.model, data, 0)
-    mujoco.mj_forward(parts.model, data)
-    down = (-parts.axes[2]).tolist()
-    loads = [_dot(data.sensordata[a : a + 3].tolist(), down) for a in _load_addresses(parts, _touching(parts))]
+def _mean_load(parts: Parts, addresses: Sequence[int]) -> float:
+    """Return the weight over the number of geoms that carry it at the start, N."""
+    model = parts.model
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    steps = max(1, round(_STAND_S / model.opt.timestep))
+    loads = np.zeros(len(addresses))
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        forces = data.sensordata[np.add.outer(addresses, range(3))]
+        loads -= forces @ parts.axes[2] / steps
     weight = _weight(parts)
-    return weight / max(1, sum(load > _LOADED * weight for load in loads))
+    return weight / max(1, int(np.sum(loads > _LOADED * weight)))
 
 
 def _loaded(parts: Parts, exponent: float) -> Update:
-    """Return what sets each coefficient to mu (load / mean load)^(-exponent)."""
+    """Return what sets each coefficient to mu (load / mean load)^(-exponent), of smoothed loads."""
     geoms = _touching(parts)
     friction = Friction(parts.model, geoms)
     addresses = _load_addresses(parts, geoms)
     down = (-parts.axes[2]).tolist()
-    mean = _mean_load(parts)
+    mean = _mean_load(parts, addresses)
     least = _LOADED * _weight(parts)
+    loads = [0.0] * len(geoms)
 
     def update(sensed: NDArray[np.float64]) -> None:
         for index, adr in enumerate(addresses):
-            load = _dot(sensed[adr : adr + 3].tolist(), down)
-            if load > least:
-                factor = (load / mean) ** -exponent
+            now = _dot(sensed[adr : adr + 3].tolist(), down)
+            known = loads[index] > least
+            loads[index] += (LOOP_INTERVAL_S / _LOAD_S if known else 1.0) * (now - loads[index])
+            if loads[index] > least:
+                factor = (loads[index] / mean) ** -exponent
                 friction.scale(index, min(max(factor, _FACTORS[0]), _FACTORS[1]))
 
     return update
@@ -335,7 +354,9 @@ CONTACT_COMPLIANCE = Effect(
     low=0.25,
     high=4.0,
     scale="log",
-    prior=Prior("log-normal", 1.0, 0.5, "chosen for the simulator, not measured; tape, glue and card give way"),
+    prior=Prior(
+        "log-normal", 1.0, 0.5, "chosen for the simulator, not measured; tape, glue and card give way"
+    ),
     allowed=(0.0, math.inf),
     model=_soften,
 )

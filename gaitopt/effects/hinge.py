@@ -23,7 +23,7 @@ _OFF_CENTRE = 0.05
 
 
 def hinge_stiffness(parts: Parts) -> float:
-    """Return the mean stiffness of the hinges, N m/rad, or a hundredth of the servos' where they have none."""
+    """Return the hinges' mean stiffness, N m/rad; where there is none, a hundredth of the servos' torque."""
     stiffness = float(parts.model.jnt_stiffness[parts.hinges].mean()) if parts.hinges else 0.0
     return stiffness or 0.01 * torque_scale(Parts(parts.model, parts.roles, parts.channels))
 
@@ -71,7 +71,10 @@ HINGE_NONLINEARITY = Effect(
     high=3.0,
     scale="lin",
     prior=Prior(
-        "normal", 0.0, 0.7, "folded laminates harden toward 90 degrees, by up to their linear stiffness at 1 rad"
+        "normal",
+        0.0,
+        0.7,
+        "folded laminates harden toward 90 degrees, by up to their linear stiffness at 1 rad",
     ),
     reference=hinge_stiffness,
     reference_name="the hinges' stiffness",
@@ -101,7 +104,10 @@ HINGE_DAMPING = Effect(
     high=1000.0,
     scale="log",
     prior=Prior(
-        "log-normal", 1.0, 1.5, "a ring-down misses most of a film's loss; assembled robots are more damped by far"
+        "log-normal",
+        1.0,
+        1.5,
+        "a ring-down misses most of a film's loss; assembled robots are more damped by far",
     ),
     allowed=(0.0, math.inf),
     role="hinges",
@@ -127,7 +133,10 @@ HINGE_FRICTION = Effect(
     high=5.0,
     scale="lin",
     prior=Prior(
-        "half-normal", 0.0, 1.0, "folds that rub on glue and on each other: of the order of their spring's torque"
+        "half-normal",
+        0.0,
+        1.0,
+        "folds that rub on glue and on each other: of the order of their spring's torque",
     ),
     reference=hinge_stiffness,
     reference_name="the hinges' stiffness times 1 rad",
@@ -159,9 +168,7 @@ HINGE_HYSTERESIS = Effect(
     low=0.05,
     high=1.6,
     scale="log",
-    prior=Prior(
-        "log-normal", 0.7, 0.8, "creased card and film keep a set after a fold of 30 to 90 degrees"
-    ),
+    prior=Prior("log-normal", 0.7, 0.8, "creased card and film keep a set after a fold of 30 to 90 degrees"),
     reference=hinge_stiffness,
     reference_name="the hinges' stiffness times 1 rad",
     allowed=(0.0, math.inf),

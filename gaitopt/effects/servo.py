@@ -15,7 +15,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.effects.effect import Commands, Effect, Parts, Prior, Update, added_name, owner_of
+from gaitopt.effects.effect import (
+    LOOP_INTERVAL_S,
+    Commands,
+    Effect,
+    Parts,
+    Prior,
+    Update,
+    added_name,
+    owner_of,
+)
 
 _LINK_SHARE = 0.05
 """Share of a servo's inertia and damping on the link's side of its free play: horn and output shaft."""
@@ -80,7 +89,7 @@ SERVO_TORQUE_LIMIT = Effect(
         "log-normal",
         0.85,
         0.35,
-        "datasheets of 9 g servos give 1.2 to 2.5 kgf cm at 4.8 V; copies, a sagging supply and heat take more",
+        "datasheets of 9 g servos: 1.2 to 2.5 kgf cm at 4.8 V; copies, a sagging supply and heat take more",
     ),
     reference=torque_scale,
     reference_name="the nominal limit",
@@ -150,7 +159,10 @@ SERVO_GAIN = Effect(
     high=5.0,
     scale="log",
     prior=Prior(
-        "log-normal", 1.0, 0.5, "gains of micro servos are not published; full drive at 3 to 10 degrees of error"
+        "log-normal",
+        1.0,
+        0.5,
+        "gains of micro servos are not published; full drive at 3 to 10 degrees of error",
     ),
     allowed=(0.0, math.inf),
     target="any",
@@ -219,7 +231,10 @@ SERVO_INERTIA = Effect(
     high=10.0,
     scale="log",
     prior=Prior(
-        "log-normal", 1.0, 0.8, "a rotor of 0.5e-9 to 4e-9 kg m^2 behind a gear of 1:200 to 1:350 in 9 g servos"
+        "log-normal",
+        1.0,
+        0.8,
+        "a rotor of 0.5e-9 to 4e-9 kg m^2 behind a gear of 1:200 to 1:350 in 9 g servos",
     ),
     reference=_armature_scale,
     reference_name="the nominal armature",
@@ -384,7 +399,10 @@ SERVO_TRAVEL = Effect(
     high=1.3,
     scale="lin",
     prior=Prior(
-        "normal", 1.0, 0.07, "pulse widths at the ends of travel of uncalibrated micro servos differ by 5 to 10 %"
+        "normal",
+        1.0,
+        0.07,
+        "pulse widths at the ends of travel of uncalibrated micro servos differ by 5 to 10 %",
     ),
     target="any",
     commands=_scale_travel,
@@ -419,6 +437,10 @@ SERVO_TRIM = Effect(
 
 # --- supply -------------------------------------------------------------------------------------
 
+_SUPPLY_S = 0.01
+"""Time constant with which the limits follow the torques: assumed, half a servo's frame; without one the
+limits chatter."""
+
 
 def _no_limit(parts: Parts) -> str | None:
     if not math.isfinite(torque_limit(parts)):
@@ -438,18 +460,20 @@ def _sense_torques(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
 
 
 def _sag(parts: Parts, share: float) -> Update:
-    """Return what sets each limit to L (1 - share sum|torque| / sum L)."""
+    """Return what sets each limit to L (1 - share drawn), where drawn is sum|torque| / sum L, smoothed."""
     model, servos = parts.model, parts.servos
-    adr = [
-        int(model.sensor(added_name("torque", model.actuator(i).name)).adr[0])
-        for i in range(len(parts.channels))
-    ]
+    names = [added_name("torque", model.actuator(i).name) for i in range(len(parts.channels))]
+    addresses = [int(model.sensor(name).adr[0]) for name in names]
     ranges = model.actuator_forcerange[servos].copy()
-    available = float(model.actuator_forcerange[: len(parts.channels), 1].sum())
+    limits = net_torque_limits(model)[: len(names)]
+    lost = share * limits[servos, None] * (-1.0, 1.0)
+    drawn = 0.0
 
     def update(sensed: NDArray[np.float64]) -> None:
-        drawn = min(1.0, float(np.abs(sensed[adr]).sum()) / available)
-        model.actuator_forcerange[servos] = ranges * (1.0 - share * drawn)
+        nonlocal drawn
+        now = min(1.0, float(np.abs(sensed[addresses]).sum() / limits.sum()))
+        drawn += LOOP_INTERVAL_S / _SUPPLY_S * (now - drawn)
+        model.actuator_forcerange[servos] = ranges - drawn * lost
 
     return update
 
@@ -467,8 +491,8 @@ SERVO_SAG = Effect(
         "half-normal",
         0.0,
         0.25,
-        "three stalled 9 g servos draw about 2 A; 0.3 to 0.6 ohm of cable, breadboard and regulator take 0.6 to "
-        "1.2 V of 5 V, and stall torque goes with voltage",
+        "three stalled 9 g servos draw about 2 A; 0.3 to 0.6 ohm of cable, breadboard and regulator take "
+        "0.6 to 1.2 V of 5 V, and stall torque goes with voltage",
     ),
     allowed=(0.0, 1.0),
     target="any",
@@ -524,7 +548,9 @@ CHANNEL_TIMING = Effect(
     low=-0.15,
     high=0.15,
     scale="lin",
-    prior=Prior("normal", 0.0, 0.04, "commands written one after another in MicroPython, with sleeps between"),
+    prior=Prior(
+        "normal", 0.0, 0.04, "commands written one after another in MicroPython, with sleeps between"
+    ),
     allowed=(-10.0, 10.0),
     target="one",
     commands=_delay,

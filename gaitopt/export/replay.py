@@ -37,7 +37,8 @@ class Replay:
         ideal_m_s, replayed_m_s: mean speeds.
         loss: share of the ideal speed that is lost; None if the gait does not go forward.
         loss_ci90: its 90 % interval over the starts.
-        causes: share lost to each step from the gait to the servo, in order; only where `loss` is large.
+        causes: share lost to each step from the gait to the servo, in order; only where `loss` is large and
+            more than scatter.
     """
 
     ideal_m_s: float
@@ -51,8 +52,10 @@ class Replay:
         """What to tell the user, if anything."""
         if self.loss is None:
             return "the gait does not go forward in simulation, so a loss of speed cannot be told"
-        if not self.causes:
+        if abs(self.loss) <= WARN_LOSS:
             return None
+        if not self.causes:
+            return f"the speed changes by {-self.loss:+.1%}, which is not more than the scatter over starts"
         what = "loses" if self.loss > 0.0 else "gains"
         cause = max(self.causes, key=lambda name: self.causes[name] * (1.0 if what == "loses" else -1.0))
         shares = ", ".join(f"{name} {-share:+.1%}" for name, share in self.causes.items())
@@ -74,7 +77,7 @@ def replay(problem: Problem, table: Table, executor: Executor) -> Replay:
     low, high = interval90((ideal - replayed) / mean)
     loss = float((ideal - replayed).mean()) / mean
     causes = {}
-    if abs(loss) > WARN_LOSS:
+    if abs(loss) > WARN_LOSS and not low <= 0.0 <= high:
         causes = _causes(trial, stages, ideal, replayed)
     return Replay(mean, float(replayed.mean()), loss, (low, high), causes)
 
@@ -122,8 +125,9 @@ class _Trial:
         runs = self.executor.map(lambda start: self.simulator.play(time, sent, start), range(_STARTS))
         robot = Robot.of(self.simulator.models[0])
         gait = self.table.gait
-        speeds = [measure(self.problem, gait, run, robot)["speed_m_s"] for run in runs]
-        return np.nan_to_num(np.array(speeds, dtype=float))
+        speeds = np.array([measure(self.problem, gait, run, robot)["speed_m_s"] for run in runs])
+        speeds[np.isnan(speeds)] = 0.0
+        return speeds
 
 
 def command_stages(problem: Problem, table: Table) -> dict[str, Commands]:

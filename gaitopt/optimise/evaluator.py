@@ -36,7 +36,8 @@ class Setting:
     @staticmethod
     def of(problem: Problem, scenarios: Sequence[Scenario], fidelity: Fidelity) -> Setting:
         """Return a setting with its key."""
-        content = (problem.to_toml(str(problem.model_path)), tuple(scenarios), repr(fidelity))
+        model = problem.model_path.read_bytes()
+        content = (problem.to_toml(str(problem.model_path)), model, tuple(scenarios), repr(fidelity))
         key = hashlib.sha256(pickle.dumps(content)).hexdigest()
         return Setting(problem, tuple(scenarios), fidelity, key)
 

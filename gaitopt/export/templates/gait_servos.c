@@ -1,6 +1,7 @@
 #include "gait_servos.h"
 
 #include <stdatomic.h>
+#include <stddef.h>
 
 #include "driver/gpio.h"
 #include "driver/ledc.h"

@@ -1,0 +1,115 @@
+"""A diagnosis in words: what was found, sentence by sentence."""
+
+from __future__ import annotations
+
+from gaitopt.diagnose.align import is_marker
+from gaitopt.diagnose.diagnosis import SIGNIFICANT, Diagnosis, TrialGap
+from gaitopt.diagnose.floor import marker_floor
+from gaitopt.diagnose.where import Split
+
+_WORTH_SAYING = 0.15
+"""Share of a signal's squared gap from which a component is put into words."""
+
+_SAME_SIZE = 0.04
+
+_PARTS = {
+    "spread": "cycles that differ",
+    "noise": "measurement noise",
+    "start_pose": "the start pose",
+    "numerics": "the timestep",
+    "clock": "the rounded clock",
+    "repeats": "repeats that differ",
+}
+
+
+def answer(diagnosis: Diagnosis) -> str:
+    """Return the verdict in one sentence."""
+    gap = diagnosis.gap
+    figures = f"{_mm(gap['heldout_before_m'])} RMS of the marker, floor {_mm(gap['floor_m'])}"
+    if diagnosis.verdict == "no_gap":
+        return f"No significant gap: {figures}."
+    if diagnosis.verdict == "explained":
+        return f"The gap ({figures}) is in the recordings: {', '.join(diagnosis.causes)}."
+    first = diagnosis.where[0]
+    return (
+        f"There is a gap: {figures}. The largest part of it is {first['component']} of {first['signal']} in "
+        f"trial {first['trial']} ({first['share']:.0%})."
+    )
+
+
+def explanation(diagnosis: Diagnosis) -> list[str]:
+    """Return what is known of each trial, and what the defects of its recording are."""
+    sentences = []
+    for trial in diagnosis.trials:
+        sentences.append(_trial(trial))
+        sentences += [f"{trial.name}: {defect.name}: {defect.message}." for defect in trial.defects]
+        for name, part in trial.splits.items() if trial.counts else ():
+            if part.rms > trial.floors[name].total:
+                sentences.append(f"{trial.name}, {name}: {_components(part)}.")
+    return sentences
+
+
+def _trial(trial: TrialGap) -> str:
+    ratio = max(trial.ratios.values())
+    worst = max(trial.ratios, key=lambda name: trial.ratios[name])
+    start = "fitted" if trial.aligned.trial.starts_at_s is None else "as the data set says"
+    offset = f"the recording begins at gait time {trial.aligned.offset_s:.2f} s ({start})"
+    if any(map(is_marker, trial.floors)):
+        floor = marker_floor(trial.floors)
+        gap = (
+            f"gap of {_mm(trial.aligned.marker_rms)} RMS, floor {_mm(floor)}, most of it {_main_part(trial)}"
+        )
+    else:
+        gap = "no marker was measured"
+    if ratio <= 1.0:
+        verdict = "the floor exceeds the gap, so this trial is not used to blame anything"
+    elif ratio <= SIGNIFICANT:
+        verdict = f"{worst} is {ratio:.1f} times its floor, which is not significant"
+    else:
+        verdict = f"{worst} is {ratio:.1f} times its floor"
+    return f"{trial.name}: {gap}; {verdict}; {offset}."
+
+
+def _main_part(trial: TrialGap) -> str:
+    """Return what most of the marker's floor comes from."""
+    sums: dict[str, float] = {}
+    for name, floor in trial.floors.items():
+        if is_marker(name):
+            for part in _PARTS:
+                sums[part] = sums.get(part, 0.0) + (getattr(floor, part) or 0.0) ** 2
+    return _PARTS[max(sums, key=lambda part: sums[part])]
+
+
+def _components(part: Split) -> str:
+    total = part.rms**2
+    ordered = sorted(part.squares.items(), key=lambda item: -item[1])
+    worth = [name for name, square in ordered if square >= _WORTH_SAYING * total]
+    texts = [f"{part.squares[name] / total:.0%} {name}{_what(part, name)}" for name in worth]
+    return "; ".join(texts)
+
+
+def _what(part: Split, component: str) -> str:
+    measured, simulated = part.travel
+    if component == "drift":
+        return (
+            f" (net travel {_length(part, measured)} a cycle, simulated {_length(part, simulated)}, which "
+            f"the size of the stride, {part.size:.2f} times the simulated one, does not explain)"
+        )
+    if component == "stride":
+        if abs(part.size - 1.0) < _SAME_SIZE:
+            return " (it moves as far inside a cycle as simulated, but in another shape)"
+        return f" (inside a cycle it moves {part.size:.2f} times as far as simulated)"
+    if component == "timing":
+        late = "later" if part.delay_s > 0.0 else "earlier"
+        return f" (it moves {1e3 * abs(part.delay_s):.0f} ms {late} than simulated)"
+    if component == "transient":
+        return " (it starts otherwise than simulated)"
+    return " (it differs from cycle to cycle, or samples jumped)"
+
+
+def _length(part: Split, value: float) -> str:
+    return _mm(value) if is_marker(part.signal) else f"{value:.3g} rad"
+
+
+def _mm(value: float) -> str:
+    return f"{1e3 * value:.3g} mm"
