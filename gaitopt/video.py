@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import importlib
-import io
 import math
 import os
 import sys
@@ -31,8 +30,11 @@ from gaitopt.rollout import Simulator
 from gaitopt.trajectory import Trajectory
 
 FORMATS = (".mp4", ".gif", ".webp")
-SIZE = (640, 360)
-"""Width and height of one robot's picture, pixels."""
+SIZE, FPS = (640, 360), 25.0
+"""Of an MP4: width and height of one robot's picture, pixels, and pictures a second."""
+
+LOOP_SIZE, LOOP_FPS = (400, 226), 10.0
+"""The same of an animation that plays for ever, which compresses less well."""
 
 _MIN_S = 5.0
 """A film shows whole cycles that last at least this long."""
@@ -120,8 +122,6 @@ def write_film(
     takes: Sequence[Take],
     begin: float = 0.0,
     end: float | None = None,
-    fps: int = 25,
-    size: tuple[int, int] = SIZE,
 ) -> None:
     """Write a film of one robot, or of several side by side, in the format that the suffix says.
 
@@ -129,21 +129,18 @@ def write_film(
         path: where to; ``.mp4`` (H.264), ``.gif`` or ``.webp`` (these two play for ever).
         takes: who is shown, from left to right, all on the same clock.
         begin, end: gait times, s.
-        fps: pictures a second.
-        size: width and height of each robot's picture, pixels.
 
     Raises:
         GaitoptError: the format is unknown, there is no OpenGL, or the file cannot be written.
     """
     check_film(path)
+    film = path.suffix.lower() == ".mp4"
+    size, fps = (SIZE, FPS) if film else (LOOP_SIZE, LOOP_FPS)
     end = film_length(takes) if end is None else end
     times = begin + np.arange(max(1, round((end - begin) * fps))) / fps
+    write = _write_mp4 if film else _write_loop
     with closing(frames(takes, times, size)) as pictures:
-        if path.suffix.lower() == ".mp4":
-            data = _mp4(pictures, fps)
-        else:
-            data = _loop(pictures, fps, path.suffix[1:].lower())
-    write_with(path, lambda temporary: temporary.write_bytes(data))
+        write_with(path, lambda temporary: write(temporary, pictures, fps))
 
 
 def frames(
@@ -244,7 +241,7 @@ class _Stage:
         travelled = float(shown.axes[0] @ (marker[index] - marker[0]))
         speed = "" if math.isnan(shown.speed_m_s) else f"   speed {_length(shown.speed_m_s)}/s"
         above = f"{shown.name}   period {shown.period_s:.3g} s{speed}"
-        return above, f"t = {at:5.2f} s   travelled {_length(travelled)}   stripes {_length(self._pitch)}"
+        return above, f"t = {at:5.2f} s   travelled {_length(travelled)}   stripes {1e3 * self._pitch:.3g} mm"
 
 
 def _lit(model: mujoco.MjModel, size: tuple[int, int]) -> mujoco.MjModel:
@@ -342,7 +339,7 @@ def _running_mean(series: NDArray[np.float64], half: int) -> NDArray[np.float64]
 
 def _stripe_width(distance: float) -> float:
     """Return a round width, about a sixth of what is seen, m: 1, 2 or 5 times a power of ten."""
-    wanted = 0.12 * distance
+    wanted = 0.15 * distance
     power = 10.0 ** math.floor(math.log10(wanted))
     return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-9))
 
@@ -408,32 +405,29 @@ def _forget_back_end(name: str, named: str) -> None:
 # --- files ------------------------------------------------------------------------------------
 
 
-def _mp4(pictures: Iterable[Image.Image], fps: int) -> bytes:
-    """Return an H.264 film that browsers play."""
+def _write_mp4(path: Path, pictures: Iterable[Image.Image], fps: float) -> None:
+    """Write an H.264 film that browsers play."""
     import av
 
-    buffer = io.BytesIO()
-    with av.open(buffer, "w", format="mp4", options={"movflags": "faststart"}) as container:
-        stream: Any = container.add_stream("libx264", rate=fps, options={"crf": "23", "preset": "fast"})
+    with av.open(path, "w", format="mp4", options={"movflags": "faststart"}) as container:
+        stream: Any = container.add_stream("libx264", rate=round(fps), options={"crf": "23", "preset": "fast"})
         stream.pix_fmt = "yuv420p"
         for index, picture in enumerate(pictures):
             if index == 0:
                 stream.width, stream.height = (side - side % 2 for side in picture.size)
             frame = av.VideoFrame.from_ndarray(np.asarray(picture), format="rgb24")
-            frame.pts, frame.time_base = index, Fraction(1, fps)
+            frame.pts, frame.time_base = index, Fraction(1, round(fps))
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
-    return buffer.getvalue()
 
 
-def _loop(pictures: Iterable[Image.Image], fps: int, kind: str) -> bytes:
-    """Return an animation that plays for ever."""
+def _write_loop(path: Path, pictures: Iterable[Image.Image], fps: float) -> None:
+    """Write an animation that plays for ever."""
+    kind = path.suffix[1:].lower()
     first, *others = _with_one_palette(pictures) if kind == "gif" else pictures
     options: dict[str, Any] = {"duration": round(1000 / fps), "loop": 0, "save_all": True}
-    options |= {"optimize": True} if kind == "gif" else {"quality": 70, "method": 4}
-    buffer = io.BytesIO()
-    first.save(buffer, format=kind.upper(), append_images=others, **options)
-    return buffer.getvalue()
+    options |= {"optimize": True} if kind == "gif" else {"quality": 45, "method": 4}
+    first.save(path, format=kind.upper(), append_images=others, **options)
 
 
 def _with_one_palette(pictures: Iterable[Image.Image]) -> Generator[Image.Image]:

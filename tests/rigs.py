@@ -48,7 +48,7 @@ def flaps(gravity: float = 9.81, damping: float = 0.01, qpos: str = "") -> str:
 
 
 def sled(gravity: str = "0 0 -9.81", contact: str = 'condim="3" friction="0.2"', fore: float = 0.0) -> str:
-    """A sled of 1 kg on two runners 0.2 m apart, its centre of mass at the ground's height and `fore` ahead."""
+    """A sled of 1 kg on runners 0.2 m apart, its centre of mass at the ground's height, `fore` ahead."""
     return f"""
 <mujoco><option gravity="{gravity}" cone="elliptic" impratio="100"/>
 <default><geom priority="1" contype="1" conaffinity="0" {contact}/></default>

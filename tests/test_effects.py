@@ -80,9 +80,12 @@ def test_every_effect_has_an_implementation_a_unit_and_a_source(effect: Effect, 
     assert any(hook is not None for hook in hooks)
     suffix = {"N m": "_n_m", "rad/s": "_rad_s", "rad": "_rad", "s": "_s", "m": "_m", "kg": "_kg", "N": "_n"}
     suffix |= {"kg m^2": "_kg_m2", "N m/rad^3": "_n_m_rad3"}
-    assert effect.parameter.endswith(suffix.get(effect.unit, "")) and len(effect.prior.source) > 20
+    assert effect.parameter.endswith(suffix.get(effect.unit, ""))
+    assert len(effect.prior.source) > 20
     low, high = effect.bounds(nominal)
-    assert low < high and effect.allows(high) and (effect.allows(low) or low == 0.0)
+    assert low < high
+    assert effect.allows(high)
+    assert effect.allows(low) or low == 0.0
     assert effect.allows(effect.neutral_value(nominal))
     assert effect.scale == "lin" or low > 0.0
     assert effect.why_not(nominal) is None, "all of them apply to ArcFold"
@@ -117,7 +120,7 @@ def test_a_value_close_to_neutral_changes_little(
     effect: Effect, arcfold: Problem, nominal: Parts, reference: Trajectory
 ) -> None:
     """What an effect adds to model and loop must not be an effect of its own."""
-    low, high = effect.bounds(nominal)
+    _low, high = effect.bounds(nominal)
     neutral = effect.neutral_value(nominal)
     value = (
         1e-6 * high if neutral == 0.0 else neutral * (1.0 - 1e-6) if math.isfinite(neutral) else 1e3 * high
@@ -214,7 +217,9 @@ def test_start_pose_errors_are_those_of_the_nominal_robot(arcfold: Problem) -> N
     for problem in (arcfold, affected):
         simulator = Simulator.build(problem, scenarios)
         rest, nudged = (simulator.run(gait, i, duration=0.01) for i in range(2))
-        moved.append([float(nudged[s][0] - rest[s][0]) for s in ("joint.mid_left", "joint.foot1", "heading.z")])
+        moved.append(
+            [float(nudged[s][0] - rest[s][0]) for s in ("joint.mid_left", "joint.foot1", "heading.z")]
+        )
         play = nudged["joint.foot1"][0] - nudged["position.foot1"][0]
         assert abs(play) <= 0.0011
     assert moved[0] == pytest.approx(moved[1], abs=1e-9)
@@ -272,15 +277,15 @@ def test_an_effect_goes_into_other_processes(quick: Problem) -> None:
 @pytest.mark.parametrize(
     ("effects", "message"),
     [
-        ({"servo_torque": {"limit_n_m": 1.0}}, "unknown effect in effects: 'servo_torque'.*nearest: 'servo_torque_limit'"),
-        ({"servo_gain": {"gain": 1.0}}, r"effects\.servo_gain: unknown parameter 'gain'; known: scale, target"),
+        ({"servo_torque": {"limit_n_m": 1.0}}, r"unknown effect in effects: 'servo_torque'.*'servo_torque_limit'"),
+        ({"servo_gain": {"gain": 1.0}}, r"servo_gain: unknown parameter 'gain'; known: scale, target"),
         ({"servo_gain": {}}, r"effects\.servo_gain: scale: missing; it is required"),
         ({"servo_gain": {"scale": 0.0}}, r"scale: found 0.0; allowed: above 0"),
         ({"servo_sag": {"share_lost": 1.5}}, r"share_lost: found 1.5; allowed: at least 0 and at most 1"),
         ({"ground_slope": {"angle_rad": math.nan}}, r"angle_rad: found nan"),
         ({"payload_mass": {"mass_kg": math.inf}}, r"mass_kg: found inf; allowed: at least 0"),
         ({"servo_gain": {"scale": "much"}}, r"scale: found 'much'; allowed: above 0"),
-        ({"servo_gain": {"scale": 2.0, "target": "foot3"}}, r"unknown target 'foot3'; known: all, mid_act, .*nearest: 'foot"),
+        ({"servo_gain": {"scale": 2.0, "target": "foot3"}}, r"unknown target 'foot3'; known: all, mid_act, .*'foot"),
         ({"channel_timing": {"delay_s": 0.1}}, r"target: missing; allowed: one of mid_act, foot1, foot2"),
         ({"channel_timing": {"delay_s": 0.1, "target": "all"}}, r"unknown target 'all'"),
         ({"pad_friction": {"scale": 2.0, "target": "foot1"}}, r"unknown parameter 'target'; known: scale"),
@@ -315,7 +320,8 @@ def test_effects_prints_the_table(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["effects", "arcfold", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     limit = next(row for row in rows if row["name"] == "servo_torque_limit")
-    assert limit["neutral"] == 0.245 and limit["bounds"] == pytest.approx([0.15 * 0.245, 1.5 * 0.245])
+    assert limit["neutral"] == 0.245
+    assert limit["bounds"] == pytest.approx([0.15 * 0.245, 1.5 * 0.245])
     assert all(row["applies"] for row in rows)
 
 

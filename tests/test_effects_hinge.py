@@ -115,5 +115,5 @@ def test_left_is_left_of_forward(rig: rigs.Make) -> None:
 
 def test_asymmetry_needs_hinges_on_both_sides(rig: rigs.Make) -> None:
     problem = rig(rigs.flaps(), hinges=["left"]).with_effects({"hinge_asymmetry": {"ratio": 2.0}})
-    with pytest.raises(GaitoptError, match="hinge_asymmetry: not applicable: .* both sides"):
+    with pytest.raises(GaitoptError, match=r"hinge_asymmetry: not applicable: .* both sides"):
         Simulator.build(problem)
