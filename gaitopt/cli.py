@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,6 +20,7 @@ DONE, STATED_PROBLEM, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
+    os.environ.setdefault("MPLBACKEND", "Agg")  # a command draws into files, never into windows
     parser = build_parser()
     try:
         options = parser.parse_args(_canonical(sys.argv[1:] if arguments is None else list(arguments)))
@@ -124,7 +126,7 @@ def build_parser() -> argparse.ArgumentParser:
         "gaits", metavar="GAIT", nargs="+", help="baselines, gait files, exported tables or run folders"
     )
     compare.add_argument("--seed", type=int, default=1, help="seed of the scenarios (default: %(default)s)")
-    compare.add_argument("--json", action="store_true", help="print JSON and nothing else")
+    _add_report_options(compare)
     _add_worker_option(compare)
 
     check = command(
@@ -133,7 +135,7 @@ def build_parser() -> argparse.ArgumentParser:
         "audit a model: what would make its gaits mean nothing on a real robot",
         "gaitopt check arcfold-published",
     )
-    check.add_argument("--json", action="store_true", help="print JSON and nothing else")
+    _add_report_options(check)
     _add_worker_option(check)
 
     effects = command(
@@ -251,6 +253,7 @@ def _add_search_options(sub: argparse.ArgumentParser) -> None:
     )
     sub.add_argument("--resume", type=Path, metavar="DIR", help="go on with an interrupted run")
     sub.add_argument("--quiet", action="store_true", help="no progress display")
+    sub.add_argument("--full", action="store_true", help="add a film and sensitivities to the report")
     _add_worker_option(sub)
 
 
@@ -262,6 +265,11 @@ def _add_output_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "--out", type=Path, metavar="DIR", help="run folder (default: a new one in results/runs)"
     )
+    sub.add_argument("--json", action="store_true", help="print JSON and nothing else")
+
+
+def _add_report_options(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--out", type=Path, metavar="DIR", help="write a report with figures into this folder")
     sub.add_argument("--json", action="store_true", help="print JSON and nothing else")
 
 
@@ -315,7 +323,7 @@ def _optimise(options: argparse.Namespace) -> None:
                     if folder.started:
                         _say_how_to_resume(folder.path, journal)
                     raise
-            write_report(folder, problem, optimised, summary_of(problem, optimised))
+            write_report(folder, problem, optimised, summary_of(problem, optimised), options.full)
             summary = folder.write_results(problem, optimised)  # last: a summary says that the run is done
         if options.json:
             print(to_json(summary), end="")
@@ -483,40 +491,53 @@ def _compare(options: argparse.Namespace) -> None:
     from gaitopt.comparison import compare
     from gaitopt.objective import check_objective
     from gaitopt.optimise.executors import open_executor
+    from gaitopt.report import verdicts, write_comparison
+    from gaitopt.results import check_new
 
+    check_new(options.out)
     problem = _load(options)
     check_objective(problem)
     gaits = [problem.find_gait(name) for name in options.gaits]
     with open_executor("threads", options.workers) as executor:
         rows = compare(problem, gaits, _seed(options.seed), executor)
+    if options.out is not None:
+        write_comparison(options.out, problem, gaits, rows, _seed(options.seed))
     _print_rows(rows, options.json)
     if not options.json:
-        for row in rows[1:]:
-            low, high = (1e3 * end for end in row["difference_ci90_m_s"])
-            verdict = "more than noise" if row["more_than_noise"] else "not more than noise"
-            print(
-                f"{row['name']} against {rows[0]['name']}: {1e3 * row['difference_m_s']:+.2f} mm/s "
-                f"(90 % interval {low:+.2f} to {high:+.2f}), {verdict}"
-            )
+        for sentence in verdicts(rows):
+            print(sentence)
+        _say_where(options.out)
 
 
 def _check(options: argparse.Namespace) -> None:
     from gaitopt.check import check
     from gaitopt.display import note
     from gaitopt.optimise.executors import open_executor
-    from gaitopt.results import to_json
+    from gaitopt.results import check_new, to_json
 
+    check_new(options.out)
     problem = _load(options)
     with open_executor("threads", options.workers) as executor:
         findings = check(problem, executor, (lambda _: None) if options.json else note)
+    rows = [finding.to_dict() for finding in findings]
+    if options.out is not None:
+        from gaitopt.report import write_audit
+
+        write_audit(options.out, problem, rows)
     if options.json:
-        print(to_json({"findings": [finding.to_dict() for finding in findings]}), end="")
+        print(to_json({"findings": rows}), end="")
         return
     if not findings:
         print(f"{problem.name}: nothing found")
     for finding in findings:
         where = f" at {finding.gait}" if finding.gait else ""
         print(f"{finding.name}{where}: {finding.message}")
+    _say_where(options.out)
+
+
+def _say_where(folder: Path | None) -> None:
+    if folder is not None:
+        print(f"report: {folder / 'report.html'}")
 
 
 def _effects(options: argparse.Namespace) -> None:
@@ -664,17 +685,20 @@ def _print_rows(rows: list[dict[str, Any]], as_json: bool) -> None:
 def _print_summary(summary: dict[str, Any]) -> None:
     from gaitopt.display import print_rows
 
-    keys = (
-        "name",
-        "period_s",
-        "speed_m_s",
-        "speed_ci90_m_s",
-        "speed_worst_m_s",
-        "stride_m",
-        "constraints_met",
-    )
-    rows = [summary["best"], *summary["baselines"]]
-    print_rows([{key: row[key] for key in keys} for row in rows])
+    rows = []
+    for row in [summary["best"], *summary["baselines"]]:
+        low, high = (1e3 * end for end in row["speed_ci90_m_s"])
+        rows.append(
+            {
+                "name": row["name"],
+                "period [s]": row["period_s"],
+                "speed [mm/s]": f"{1e3 * row['speed_m_s']:.1f}",
+                "90 % interval": f"{low:.1f} to {high:.1f}",
+                "worst": f"{1e3 * row['speed_worst_m_s']:.1f}",
+                "constraints": "met" if row["constraints_met"] else "violated",
+            }
+        )
+    print_rows(rows)
 
 
 def _print_export(answer: dict[str, Any]) -> None:

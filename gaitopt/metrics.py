@@ -35,7 +35,7 @@ METRICS = {
 }
 """Every metric with what it says. ``reached.CHANNEL`` comes beside ``reached``, per channel."""
 
-_LOADED = 0.05
+LOADED = 0.05
 """A pad that carries less than this share of the robot's weight does not count as anchored."""
 
 _BOUNCE_S = 0.01
@@ -165,7 +165,7 @@ def _backward_slip(problem: Problem, trajectory: Trajectory, window: slice, weig
         speed = sum(
             forward[i] * trajectory[f"pad_speed.{pad}.{axis}"][window] for i, axis in enumerate("xyz")
         )
-        anchored = np.abs(load) > _LOADED * weight
+        anchored = np.abs(load) > LOADED * weight
         slip += float(np.maximum(-speed, 0.0)[anchored].sum()) * step
     return float(slip)
 

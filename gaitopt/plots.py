@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-
-import matplotlib
-
-matplotlib.use("Agg")
+from typing import Any
 
 import numpy as np
-from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from gaitopt.gait import Gait
+from gaitopt.metrics import LOADED
+from gaitopt.model import Robot
 from gaitopt.optimise.journal import Entry
 from gaitopt.problem import Problem
+from gaitopt.roles import Roles
 from gaitopt.trajectory import Trajectory
 
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#000000")
@@ -24,15 +24,28 @@ COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#0
 STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), "-")
 BEST_COLOUR = "#d55e00"
 
+_WIDTH = 6.6
+"""Inches: on a phone, a page across, ten-point type is still legible."""
 
-def overlay(trajectories: Mapping[str, Trajectory], best: str | None = None) -> Figure:
+_MARKS = ("o", "^", "s", "D", "v")
+_SLIDING_M_S = 5e-3
+"""A loaded pad that moves slower than this along the ground counts as anchored."""
+
+_AT_LIMIT = 0.98
+"""Share of the torque limit from which a servo counts as saturated."""
+
+_POINTS = 2500
+"""A line has no more points than a printer can show."""
+
+
+def overlay(trajectories: Mapping[str, Trajectory], roles: Roles, best: str | None = None) -> Figure:
     """Draw the marker's forward position of several gaits in one picture."""
-    figure, axes = plt.subplots(figsize=(8.0, 4.5), layout="constrained")
+    figure = Figure(figsize=(_WIDTH, 4.5), layout="constrained")
+    axes = figure.subplots()
     for index, (name, trajectory) in enumerate(trajectories.items()):
         chosen = name == best
         axes.plot(
-            trajectory.time,
-            1e3 * (trajectory["marker.x"] - trajectory["marker.x"][0]),
+            *_thinned(trajectory.time, 1e3 * along(trajectory, roles, 0)),
             color=BEST_COLOUR if chosen else COLOURS[index % 5],
             linestyle="-" if chosen else STYLES[index % len(STYLES)],
             linewidth=2.2 if chosen else 1.5,
@@ -42,71 +55,252 @@ def overlay(trajectories: Mapping[str, Trajectory], best: str | None = None) -> 
     return figure
 
 
-def panels(trajectories: Mapping[str, Trajectory]) -> Figure:
-    """Draw the marker's forward position of each gait in a panel of its own."""
-    figure, grid = plt.subplots(
-        len(trajectories), 1, figsize=(8.0, 1.9 * len(trajectories)), layout="constrained", squeeze=False
-    )
+def panels(trajectories: Mapping[str, Trajectory], roles: Roles, axis: int = 0) -> Figure:
+    """Draw the marker's position along forward (0), left (1) or up (2), each gait in a panel of its own."""
+    figure = Figure(figsize=(_WIDTH, 0.5 + 1.7 * len(trajectories)), layout="constrained")
+    grid = figure.subplots(len(trajectories), 1, squeeze=False)
     for axes, (name, trajectory) in zip(grid[:, 0], trajectories.items(), strict=True):
-        axes.plot(
-            trajectory.time, 1e3 * (trajectory["marker.x"] - trajectory["marker.x"][0]), color=COLOURS[0]
-        )
+        axes.plot(*_thinned(trajectory.time, 1e3 * along(trajectory, roles, axis)), color=COLOURS[0])
         axes.set_title(name, loc="left", fontsize=10)
-        finish(axes, "time [s]", "forward [mm]", legend=False)
+        finish(axes, "", f"{('forward', 'left', 'up')[axis]} [mm]", legend=False)
+    grid[-1, 0].set_xlabel("time [s]")
+    return figure
+
+
+def speeds(rows: Sequence[Mapping[str, Any]], best: str | None = None) -> Figure:
+    """Draw mean forward speed with its 90 % interval and the worst scenario: one bar for each row."""
+    figure = Figure(figsize=(_WIDTH, 1.0 + 0.45 * len(rows)), layout="constrained")
+    axes = figure.subplots()
+    places = np.arange(len(rows))[::-1]
+    mean = np.array([1e3 * row["speed_m_s"] for row in rows])
+    ends = np.array([[1e3 * end for end in row["speed_ci90_m_s"]] for row in rows])
+    colours = [BEST_COLOUR if row["name"] == best else COLOURS[0] for row in rows]
+    axes.barh(places, mean, color=colours, height=0.6, alpha=0.85)
+    errors = np.abs(ends - mean[:, None]).T
+    axes.errorbar(mean, places, xerr=errors, fmt="none", ecolor="k", capsize=4, label="90 % interval")
+    worst = [1e3 * row["speed_worst_m_s"] for row in rows]
+    axes.plot(worst, places, "kx", markersize=6, label="worst scenario")
+    axes.set_yticks(places, [str(row["name"]) for row in rows])
+    axes.axvline(0.0, color="k", linewidth=0.8)
+    finish(axes, "forward speed [mm/s]", "")
     return figure
 
 
 def convergence(entries: Sequence[Entry], baselines: Mapping[str, float]) -> Figure:
     """Draw the speed of every evaluated gait, and of the best so far, against the baselines."""
-    figure, axes = plt.subplots(figsize=(8.0, 4.5), layout="constrained")
+    figure = Figure(figsize=(_WIDTH, 4.5), layout="constrained")
+    axes = figure.subplots()
     methods = list(dict.fromkeys(entry.method for entry in entries))
     for index, method in enumerate(methods):
         chosen = [entry for entry in entries if entry.method == method]
         met = np.array([entry.evaluation.constraints_met for entry in chosen])
         number = np.array([entry.index for entry in chosen])
         speed = 1e3 * np.array([entry.evaluation.metrics["speed_m_s"] for entry in chosen])
-        colour = COLOURS[index % 5]
-        axes.plot(number[met], speed[met], "o", color=colour, markersize=3, label=method)
-        axes.plot(number[~met], speed[~met], "x", color=colour, markersize=3, alpha=0.5)
+        planned = method == "plan"
+        colour = BEST_COLOUR if planned else COLOURS[index % 5]
+        mark, size = ("*", 11) if planned else (_MARKS[index % len(_MARKS)], 3.5)
+        label = "plan (warm start)" if planned else method
+        axes.plot(number[met], speed[met], mark, color=colour, markersize=size, label=label, zorder=3)
+        bad = "*" if planned else "x"
+        axes.plot(number[~met], speed[~met], bad, color=colour, markersize=size, alpha=0.5, mfc="none")
     axes.plot([], [], "kx", markersize=4, label="constraint violated")
-    leaders = np.minimum.accumulate([entry.evaluation.cost for entry in entries])
-    best = [entries[i].evaluation.metrics["speed_m_s"] for i in _leader_index(entries)]
-    axes.step(
-        range(len(leaders)), 1e3 * np.array(best), where="post", color="k", linewidth=1.5, label="best so far"
-    )
+    best = [1e3 * entries[i].evaluation.metrics["speed_m_s"] for i in _leader_index(entries)]
+    axes.step(range(len(best)), best, where="post", color="k", linewidth=1.5, label="best so far")
     for index, (name, speed_m_s) in enumerate(baselines.items()):
         axes.axhline(
             1e3 * speed_m_s, color="0.45", linestyle=STYLES[index % len(STYLES)], linewidth=1.0, label=name
         )
-    finish(axes, "gait evaluated", "forward speed [mm/s]")
+    finish(axes, "gait evaluated", "forward speed [mm/s]", legend=False)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8.5)
     return figure
 
 
-def gait_diagram(problem: Problem, gait: Gait, trajectory: Trajectory) -> Figure:
-    """Draw what each servo does over one cycle after the transient: commanded and reached."""
+def gait_diagram(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) -> Figure:
+    """Draw one cycle after the transient: what each servo does, and what each pad does on the ground."""
+    chosen, cycle = _one_cycle(problem, gait, trajectory)
+    names, pads = problem.channel_names, problem.roles.pads
+    contacts = {pad: _pad_states(problem, trajectory, pad, robot)[:, chosen] for pad in pads}
+    rows = len(names) + bool(pads)
+    figure = Figure(figsize=(_WIDTH, 0.6 + 1.6 * rows), layout="constrained")
+    grid = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
+    for axes, name in zip(grid, names, strict=False):
+        _commanded_and_reached(axes, cycle, trajectory, name, chosen)
+        for anchored, _, slipping in contacts.values():
+            _shade(axes, cycle, anchored, color="0.5", alpha=0.15)
+            _shade(axes, cycle, slipping, color=BEST_COLOUR, alpha=0.25)
+        axes.set_title(name, loc="left", fontsize=10)
+        finish(axes, "", "angle [°]", legend=name == names[0])
+    if pads:
+        _pad_bars(grid[-1], cycle, contacts)
+    grid[-1].set_xlabel("share of the cycle")
+    grid[-1].set_xlim(0.0, 1.0)
+    return figure
+
+
+def angles(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) -> Figure:
+    """Draw commanded and reached angles over the measured cycles, with each servo's limits."""
+    transient, measured = problem.simulation.horizon.cycles(gait.period_s)
+    begin = transient * gait.period_s
+    chosen = (trajectory.time >= begin) & (trajectory.time <= begin + min(measured, 3) * gait.period_s)
+    time, names = trajectory.time[chosen], problem.channel_names
+    figure = Figure(figsize=(_WIDTH, 0.8 + 1.8 * len(names)), layout="constrained")
+    grid = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    for index, (axes, name) in enumerate(zip(grid, names, strict=True)):
+        _commanded_and_reached(axes, time, trajectory, name, chosen)
+        for end in problem.file.channels[name].range_deg:
+            axes.axhline(end, color="k", linestyle=":", linewidth=1.0)
+        axes.plot([], [], "k:", linewidth=1.0, label="range of the servo")
+        torque = np.abs(trajectory[f"torque.{name}"][chosen])
+        full = torque >= _AT_LIMIT * robot.torque_limit[index]
+        _shade(axes, time, full, color=COLOURS[1], alpha=0.4)
+        axes.fill_between([], [], color=COLOURS[1], alpha=0.4, label="at the torque limit")
+        limit = (
+            f", torque limit {robot.torque_limit[index]:.3g} N m"
+            if np.isfinite(robot.torque_limit[index])
+            else ""
+        )
+        axes.set_title(f"{name}{limit}", loc="left", fontsize=10)
+        finish(axes, "", "angle [°]", legend=False)
+    grid[-1].set_xlabel("time [s]")
+    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8.5)
+    return figure
+
+
+def sensitivity(changes: Mapping[str, tuple[float, float]], step: float) -> Figure:
+    """Draw how the speed changes when one coordinate of a gait does.
+
+    Args:
+        changes: by coordinate, the change of speed a step down and a step up, m/s.
+        step: the step, as a share of the coordinate's range.
+    """
+    figure = Figure(figsize=(_WIDTH, 1.2 + 0.32 * len(changes)), layout="constrained")
+    axes = figure.subplots()
+    ranked = sorted(changes, key=lambda name: max(map(abs, changes[name])))
+    places = np.arange(len(ranked))
+    for index, (sign, hatch, shift) in enumerate((("down", "", -0.2), ("up", "//", 0.2))):
+        widths = [1e3 * changes[name][index] for name in ranked]
+        axes.barh(
+            places + shift, widths, height=0.38, color=COLOURS[index], hatch=hatch, edgecolor="white",
+            label=f"{step:.0%} of its range {sign}",
+        )  # fmt: skip
+    axes.set_yticks(places, ranked, fontsize=8)
+    axes.axvline(0.0, color="k", linewidth=0.8)
+    finish(axes, "change of the forward speed [mm/s]", "")
+    return figure
+
+
+def findings(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Draw by how much each finding of an audit exceeds its limit."""
+    shown = [row for row in rows if row["limit"] > 0.0 and np.isfinite(row["value"]) and row["value"] > 0.0]
+    ratios = np.array([row["value"] / row["limit"] for row in shown])
+    figure = Figure(figsize=(_WIDTH, 1.2 + 0.32 * max(1, len(shown))), layout="constrained")
+    axes = figure.subplots()
+    places = np.arange(len(shown))[::-1]
+    axes.barh(places, ratios, color=COLOURS[0], height=0.6)
+    axes.axvline(1.0, color="k", linestyle="--", linewidth=1.2, label="limit")
+    labels = [f"{row['name']}{': ' + row['gait'] if row['gait'] else ''}" for row in shown]
+    axes.set_yticks(places, labels, fontsize=8)
+    if len(shown) and ratios.max() > 20.0:
+        axes.set_xscale("log")
+    finish(axes, "value over its limit", "")
+    return figure
+
+
+def along(trajectory: Trajectory, roles: Roles, axis: int) -> NDArray[np.float64]:
+    """Return how far the marker has moved from its start along forward, left or up, m, shape (n,)."""
+    marker = trajectory.stacked("marker")
+    moved: NDArray[np.float64] = (marker - marker[:1]) @ roles.axes[axis]
+    return moved
+
+
+def finish(axes: Axes, x: str, y: str, legend: bool = True) -> None:
+    """Label the axes and give a panel the look of all figures."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.grid(color="0.85", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    if legend:
+        axes.legend(fontsize=8.5, framealpha=0.9, loc="best")
+
+
+# --- parts ------------------------------------------------------------------------------------
+
+
+def _commanded_and_reached(
+    axes: Axes, x: NDArray[np.float64], trajectory: Trajectory, name: str, chosen: NDArray[np.bool_]
+) -> None:
+    commanded = np.rad2deg(trajectory[f"target.{name}"][chosen])
+    reached = np.rad2deg(trajectory[f"position.{name}"][chosen])
+    axes.plot(*_thinned(x, commanded), "--", color="0.25", linewidth=1.4, label="commanded")
+    axes.plot(*_thinned(x, reached), color=COLOURS[0], linewidth=1.6, label="reached")
+
+
+def _one_cycle(
+    problem: Problem, gait: Gait, trajectory: Trajectory
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Return which samples lie in the first cycle after the transient, and where in the cycle they lie."""
     transient, _ = problem.simulation.horizon.cycles(gait.period_s)
     begin = transient * gait.period_s
     chosen = (trajectory.time >= begin) & (trajectory.time <= begin + gait.period_s)
-    cycle = (trajectory.time[chosen] - begin) / gait.period_s
-    names = problem.channel_names
-    figure, grid = plt.subplots(
-        len(names) + 1, 1, figsize=(8.0, 1.7 * (len(names) + 1)), layout="constrained", sharex=True
+    return chosen, (trajectory.time[chosen] - begin) / gait.period_s
+
+
+def _pad_states(problem: Problem, trajectory: Trajectory, pad: str, robot: Robot) -> NDArray[np.bool_]:
+    """Return when a pad is anchored, when it slides forward and when it slips back, shape (3, n).
+
+    Load and speed are means over 20 ms, as contacts chatter.
+    """
+    forward, _, up = problem.roles.axes
+    load = np.stack([trajectory[f"load.{pad}.{axis}"] for axis in "xyz"], axis=1) @ up
+    speed = np.stack([trajectory[f"pad_speed.{pad}.{axis}"] for axis in "xyz"], axis=1) @ forward
+    step = float(np.median(np.diff(trajectory.time))) if len(trajectory.time) > 1 else 1.0
+    width = max(1, round(0.02 / step))
+    load, speed = (_smoothed(series, width) for series in (np.abs(load), speed))
+    loaded = load > LOADED * robot.weight
+    return np.stack(
+        [
+            loaded & (np.abs(speed) <= _SLIDING_M_S),
+            loaded & (speed > _SLIDING_M_S),
+            loaded & (speed < -_SLIDING_M_S),
+        ]
     )
-    for axes, name in zip(grid, names, strict=False):
-        axes.plot(
-            cycle, np.rad2deg(trajectory[f"target.{name}"][chosen]), "--", color="0.3", label="commanded"
-        )
-        axes.plot(
-            cycle, np.rad2deg(trajectory[f"position.{name}"][chosen]), color=COLOURS[0], label="reached"
-        )
-        axes.set_title(name, loc="left", fontsize=10)
-        finish(axes, "", "angle [°]")
-    for index, pad in enumerate(problem.roles.pads):
-        load = np.abs(trajectory[f"load.{pad}.z"][chosen])
-        grid[-1].plot(cycle, _smoothed(load), color=COLOURS[index + 1], linestyle=STYLES[index], label=pad)
-    grid[-1].set_title("load on the pads, mean over a fiftieth of the cycle", loc="left", fontsize=10)
-    finish(grid[-1], "share of the cycle", "load [N]")
-    return figure
+
+
+def _pad_bars(axes: Axes, cycle: NDArray[np.float64], contacts: Mapping[str, NDArray[np.bool_]]) -> None:
+    """Draw a row of bars for each pad: solid where it holds, hatched where it slides."""
+    looks: list[dict[str, Any]] = [
+        {"label": "anchored", "facecolor": "0.35"},
+        {"label": "slides forward", "facecolor": COLOURS[4], "hatch": "..", "edgecolor": "white"},
+        {"label": "slips back", "facecolor": BEST_COLOUR, "hatch": "////", "edgecolor": "white"},
+    ]
+    for row, states in enumerate(contacts.values()):
+        for state, look in zip(states, looks, strict=True):
+            spans = [(a, b - a) for a, b in _spans(cycle, state)]
+            axes.broken_barh(
+                spans, (row - 0.35, 0.7), **(look | {"label": look["label"] if row == 0 else None})
+            )
+    axes.set_yticks(range(len(contacts)), list(contacts))
+    axes.set_ylim(len(contacts) - 0.4, -0.6)
+    axes.set_title("pads under load", loc="left", fontsize=10)
+    finish(axes, "", "", legend=False)
+    axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8.5)
+
+
+def _shade(axes: Axes, x: NDArray[np.float64], where: NDArray[np.bool_], **look: Any) -> None:
+    for begin, end in _spans(x, where):
+        axes.axvspan(begin, end, linewidth=0.0, zorder=0, **look)
+
+
+def _spans(x: NDArray[np.float64], where: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Return the ends of the intervals of `x` in which `where` holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]]).astype(int)))
+    ends = np.append(x, x[-1:])
+    return [(float(ends[a]), float(ends[b])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _thinned(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    every = max(1, len(x) // _POINTS)
+    return x[::every], y[::every]
 
 
 def _leader_index(entries: Sequence[Entry]) -> list[int]:
@@ -118,16 +312,5 @@ def _leader_index(entries: Sequence[Entry]) -> list[int]:
     return indices
 
 
-def _smoothed(series: np.ndarray) -> np.ndarray:
-    width = max(1, len(series) // 50)
+def _smoothed(series: NDArray[np.float64], width: int) -> NDArray[np.float64]:
     return np.convolve(series, np.full(width, 1.0 / width), mode="same")
-
-
-def finish(axes: Axes, x: str, y: str, legend: bool = True) -> None:
-    """Label the axes and give a panel the look of all figures."""
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
-    axes.grid(color="0.85", linewidth=0.6)
-    axes.spines[["top", "right"]].set_visible(False)
-    if legend:
-        axes.legend(fontsize=8, framealpha=0.9, loc="best")

@@ -338,8 +338,8 @@ def _running_mean(series: NDArray[np.float64], half: int) -> NDArray[np.float64]
 
 
 def _stripe_width(distance: float) -> float:
-    """Return a round width, about a sixth of what is seen, m: 1, 2 or 5 times a power of ten."""
-    wanted = 0.15 * distance
+    """Return a round width, about a fifth of what is seen, m: 1, 2 or 5 times a power of ten."""
+    wanted = 0.2 * distance
     power = 10.0 ** math.floor(math.log10(wanted))
     return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-9))
 
@@ -354,7 +354,7 @@ def _length(metres: float) -> str:
 def _write(picture: Image.Image, words: tuple[str, str]) -> None:
     """Draw one line at the top and one at the foot of a picture, each on a light ground."""
     draw = ImageDraw.Draw(picture, "RGBA")
-    size = max(11, picture.height // 22)
+    size = max(12, picture.height // 20)
     font = _font(size)
     while size > 8 and max(draw.textlength(line, font=font) for line in words) > picture.width - 16:
         size -= 1
@@ -410,7 +410,8 @@ def _write_mp4(path: Path, pictures: Iterable[Image.Image], fps: float) -> None:
     import av
 
     with av.open(path, "w", format="mp4", options={"movflags": "faststart"}) as container:
-        stream: Any = container.add_stream("libx264", rate=round(fps), options={"crf": "23", "preset": "fast"})
+        options = {"crf": "23", "preset": "fast"}
+        stream: Any = container.add_stream("libx264", rate=round(fps), options=options)
         stream.pix_fmt = "yuv420p"
         for index, picture in enumerate(pictures):
             if index == 0:

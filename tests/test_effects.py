@@ -167,10 +167,12 @@ def test_every_effect_can_be_switched_on_in_a_problem_file(
     assert copy.to_dict() == problem.to_dict() | {"model": "model.xml"}
 
 
-@pytest.mark.parametrize("effect", ALL)
+AT_REST = [p for p in ALL if p.id not in ("ground_slope", "tether_drag")]
+"""All but a robot that is pulled, which creeps."""
+
+
+@pytest.mark.parametrize("effect", AT_REST)
 def test_a_robot_with_an_effect_starts_at_rest(effect: Effect, arcfold: Problem, nominal: Parts) -> None:
-    if effect.name in ("ground_slope", "tether_drag"):
-        pytest.skip("a robot that is pulled creeps")
     problem = arcfold.with_effects(asked(effect, strong(effect, nominal)))
     run = Simulator.build(problem).run(still(problem), duration=0.5)
     marker = run.stacked("marker")
@@ -277,7 +279,7 @@ def test_an_effect_goes_into_other_processes(quick: Problem) -> None:
 @pytest.mark.parametrize(
     ("effects", "message"),
     [
-        ({"servo_torque": {"limit_n_m": 1.0}}, r"unknown effect in effects: 'servo_torque'.*'servo_torque_limit'"),
+        ({"servo_torque": {"limit_n_m": 1.0}}, r"unknown effect .* 'servo_torque'; .*'servo_torque_limit'"),
         ({"servo_gain": {"gain": 1.0}}, r"servo_gain: unknown parameter 'gain'; known: scale, target"),
         ({"servo_gain": {}}, r"effects\.servo_gain: scale: missing; it is required"),
         ({"servo_gain": {"scale": 0.0}}, r"scale: found 0.0; allowed: above 0"),
@@ -285,7 +287,7 @@ def test_an_effect_goes_into_other_processes(quick: Problem) -> None:
         ({"ground_slope": {"angle_rad": math.nan}}, r"angle_rad: found nan"),
         ({"payload_mass": {"mass_kg": math.inf}}, r"mass_kg: found inf; allowed: at least 0"),
         ({"servo_gain": {"scale": "much"}}, r"scale: found 'much'; allowed: above 0"),
-        ({"servo_gain": {"scale": 2.0, "target": "foot3"}}, r"unknown target 'foot3'; known: all, mid_act, .*'foot"),
+        ({"servo_gain": {"scale": 2.0, "target": "foot3"}}, r"unknown target 'foot3'; known: all, mid_act"),
         ({"channel_timing": {"delay_s": 0.1}}, r"target: missing; allowed: one of mid_act, foot1, foot2"),
         ({"channel_timing": {"delay_s": 0.1, "target": "all"}}, r"unknown target 'all'"),
         ({"pad_friction": {"scale": 2.0, "target": "foot1"}}, r"unknown parameter 'target'; known: scale"),

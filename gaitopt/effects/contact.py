@@ -294,16 +294,18 @@ def _loaded(parts: Parts, exponent: float) -> Update:
     geoms = _touching(parts)
     friction = Friction(parts.model, geoms)
     addresses = _load_addresses(parts, geoms)
-    down = (-parts.axes[2]).tolist()
+    forces = np.add.outer(addresses, range(3))
+    up = parts.axes[2]
     mean = _mean_load(parts, addresses)
     least = _LOADED * _weight(parts)
     loads = [0.0] * len(geoms)
 
     def update(sensed: NDArray[np.float64]) -> None:
-        for index, adr in enumerate(addresses):
-            now = _dot(sensed[adr : adr + 3].tolist(), down)
-            known = loads[index] > least
-            loads[index] += (LOOP_INTERVAL_S / _LOAD_S if known else 1.0) * (now - loads[index])
+        for index, pressed in enumerate((sensed[forces] @ up).tolist()):
+            if pressed == loads[index] == 0.0:
+                continue
+            weight = LOOP_INTERVAL_S / _LOAD_S if loads[index] > least else 1.0
+            loads[index] -= weight * (pressed + loads[index])
             if loads[index] > least:
                 factor = (loads[index] / mean) ** -exponent
                 friction.scale(index, min(max(factor, _FACTORS[0]), _FACTORS[1]))

@@ -467,11 +467,11 @@ def _sag(parts: Parts, share: float) -> Update:
     ranges = model.actuator_forcerange[servos].copy()
     limits = net_torque_limits(model)[: len(names)]
     lost = share * limits[servos, None] * (-1.0, 1.0)
-    drawn = 0.0
+    available, drawn = float(limits.sum()), 0.0
 
     def update(sensed: NDArray[np.float64]) -> None:
         nonlocal drawn
-        now = min(1.0, float(np.abs(sensed[addresses]).sum() / limits.sum()))
+        now = min(1.0, sum(map(abs, sensed[addresses].tolist())) / available)
         drawn += LOOP_INTERVAL_S / _SUPPLY_S * (now - drawn)
         model.actuator_forcerange[servos] = ranges - drawn * lost
 
