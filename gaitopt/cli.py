@@ -691,10 +691,10 @@ def _print_summary(summary: dict[str, Any]) -> None:
         rows.append(
             {
                 "name": row["name"],
-                "period [s]": row["period_s"],
-                "speed [mm/s]": f"{1e3 * row['speed_m_s']:.1f}",
+                "period_s": row["period_s"],
+                "speed_mm_s": f"{1e3 * row['speed_m_s']:.1f}",
                 "90 % interval": f"{low:.1f} to {high:.1f}",
-                "worst": f"{1e3 * row['speed_worst_m_s']:.1f}",
+                "worst_mm_s": f"{1e3 * row['speed_worst_m_s']:.1f}",
                 "constraints": "met" if row["constraints_met"] else "violated",
             }
         )

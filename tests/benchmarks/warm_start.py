@@ -119,7 +119,7 @@ def main() -> None:
     axes.axhline(-1e3 * 0.9 * best, color="0.4", linewidth=1.0, linestyle=":", label="90 % of the best known")
     axes.set_xlabel("gaits evaluated")
     axes.set_ylabel("best so far, speed less penalties [mm/s]")
-    axes.set_ylim(bottom=-20)
+    axes.set_ylim(-20.0, -1.1e3 * best)
     axes.legend(fontsize=8)
     axes.grid(color="0.85", linewidth=0.6)
     figure.savefig(options.out / "warm-start.png", dpi=110)
