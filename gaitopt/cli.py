@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -14,6 +15,9 @@ from gaitopt.errors import GaitoptError
 if TYPE_CHECKING:
     from gaitopt.gait import Gait
     from gaitopt.problem import Problem
+
+COMMAND = "command"
+"""Where the parser keeps the command's name."""
 
 DONE, STATED_PROBLEM, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -37,7 +41,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()  # the reader went away; nothing is left to tell it
         return STATED_PROBLEM
+    except OSError as problem:
+        print(f"gaitopt: {_where(problem)}{problem.strerror or problem}", file=sys.stderr)
+        return STATED_PROBLEM
     return DONE
+
+
+def _where(problem: OSError) -> str:
+    return f"{problem.filename}: " if problem.filename else ""
 
 
 def _canonical(arguments: list[str]) -> list[str]:
@@ -59,7 +70,7 @@ def build_parser() -> argparse.ArgumentParser:
         epilog="example: gaitopt optimise arcfold",
     )
     parser.add_argument("--version", action="version", version=_version())
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    commands = parser.add_subparsers(title="commands", dest=COMMAND, metavar="COMMAND", required=True)
 
     def command(
         name: str, run: Callable[[Any], None], about: str, example: str, problem_needed: bool = True
@@ -187,6 +198,38 @@ def build_parser() -> argparse.ArgumentParser:
         "gaitopt export arcfold square-1s --format micropython --out walk",
     )
     _add_export_options(export)
+
+    fresh = commands.add_parser(
+        "new",
+        help="draft the problem file of a new robot",
+        description="Draft the problem file of a new robot.",
+        epilog="example: gaitopt new walker --mjcf walker.xml",
+    )
+    fresh.set_defaults(run=_new)
+    fresh.add_argument("name", metavar="NAME", help="name of the problem and of its folder")
+    fresh.add_argument("--mjcf", type=Path, metavar="F.xml", required=True, help="the robot")
+    fresh.add_argument("--out", type=Path, metavar="DIR", help="the folder (default: NAME)")
+
+    demo = commands.add_parser(
+        "demo",
+        help="a first look in under a minute",
+        description="Search a better gait for ArcFold, briefly, and write the report.",
+        epilog="example: gaitopt demo",
+    )
+    demo.set_defaults(run=_demo, executor="threads", workers=None, json=False, full=True)
+    demo.add_argument(
+        "--out", type=Path, metavar="DIR", help="run folder (default: a new one in results/runs)"
+    )
+    demo.add_argument("--quiet", action="store_true", help="no progress display")
+
+    completion = commands.add_parser(
+        "completion",
+        help="print a script that completes commands and options in a shell",
+        description="Print a script that completes commands and options in a shell.",
+        epilog="example: gaitopt completion bash > ~/.local/share/bash-completion/completions/gaitopt",
+    )
+    completion.set_defaults(run=_completion)
+    completion.add_argument("shell", metavar="SHELL", help="bash, zsh or fish")
     return parser
 
 
@@ -249,8 +292,11 @@ def _add_search_options(sub: argparse.ArgumentParser) -> None:
         "--warm-start", action=argparse.BooleanOptionalAction, default=None, help="start from planned gaits"
     )
     sub.add_argument(
-        "--executor", default="threads", help="threads, processes or serial (default: %(default)s)"
-    )
+        "--executor",
+        default="threads",
+        metavar="NAME",
+        help="threads, processes, serial or dask://HOST:PORT (default: %(default)s)",
+    )  # fmt: skip
     sub.add_argument("--resume", type=Path, metavar="DIR", help="go on with an interrupted run")
     sub.add_argument("--quiet", action="store_true", help="no progress display")
     sub.add_argument("--full", action="store_true", help="add a film and sensitivities to the report")
@@ -299,38 +345,54 @@ def _load(options: argparse.Namespace) -> Problem:
 
 
 def _optimise(options: argparse.Namespace) -> None:
-    from gaitopt.display import progress_display
     from gaitopt.optimise.executors import open_executor
-    from gaitopt.optimise.journal import Journal
-    from gaitopt.optimise.run import optimise
-    from gaitopt.report import answer_of, write_report
-    from gaitopt.results import summary_of, to_json
 
     open_executor(options.executor, options.workers).shutdown()  # says what is wrong before a folder is made
     folder, problem, request = _open_run(options)
-    with folder:
-        summary = folder.summary
-        if summary is None:
-            with (
-                open_executor(options.executor, options.workers) as executor,
-                progress_display(request.budget, quiet=options.quiet or options.json) as display,
-            ):
-                journal = Journal(folder.journal, problem)
-                try:
-                    optimised = optimise(problem, request, journal, executor, display)
-                except KeyboardInterrupt:
-                    executor.shutdown(wait=True, cancel_futures=True)
-                    if folder.started:
-                        _say_how_to_resume(folder.path, journal)
-                    raise
-            write_report(folder, problem, optimised, summary_of(problem, optimised), options.full)
-            summary = folder.write_results(problem, optimised)  # last: a summary says that the run is done
+    _run_search(folder, problem, request, options)
+
+
+def _demo(options: argparse.Namespace) -> None:
+    from gaitopt.demo import REQUEST, demo_problem
+    from gaitopt.results import RunFolder
+
+    problem = demo_problem()
+    folder = RunFolder.create(options.out, problem, REQUEST)
+    _run_search(folder, problem, REQUEST, options)
+    print("This was a brief search over few scenarios. For the real thing, type: gaitopt optimise arcfold")
+
+
+def _run_search(folder: Any, problem: Problem, request: Any, options: argparse.Namespace) -> None:
+    from gaitopt.report import answer_of
+    from gaitopt.results import to_json
+
+    with folder, _saying_how_to_resume(folder, problem):
+        summary = folder.summary or _searched(folder, problem, request, options)
         if options.json:
             print(to_json(summary), end="")
         else:
             _print_summary(summary)
             print(answer_of(summary))
             print(f"report: {folder.path / 'report.html'}")
+
+
+def _searched(folder: Any, problem: Problem, request: Any, options: argparse.Namespace) -> dict[str, Any]:
+    """Do or go on with the work of a run, and return its summary."""
+    from gaitopt.display import progress_display
+    from gaitopt.optimise.executors import open_executor, working
+    from gaitopt.optimise.journal import Journal
+    from gaitopt.optimise.run import optimise
+    from gaitopt.report import write_report
+    from gaitopt.results import summary_of
+
+    with (
+        working(open_executor(options.executor, options.workers)) as executor,
+        progress_display(request.budget, quiet=options.quiet or options.json) as display,
+    ):
+        optimised = optimise(problem, request, Journal(folder.journal, problem), executor, display)
+    write_report(folder, problem, optimised, summary_of(problem, optimised), options.full)
+    summary: dict[str, Any] = folder.write_results(problem, optimised)  # last: it says that the run is done
+    return summary
 
 
 def _open_run(options: argparse.Namespace) -> tuple[Any, Problem, Any]:
@@ -363,14 +425,28 @@ def _open_run(options: argparse.Namespace) -> tuple[Any, Problem, Any]:
     return RunFolder.create(options.out, problem, request), problem, request
 
 
-def _say_how_to_resume(path: Path, journal: Any) -> None:
-    best = min(journal.entries, key=lambda entry: entry.evaluation.cost)
-    speed = 1e3 * best.evaluation.metrics["speed_m_s"]
-    print(
-        f"gaitopt: stopped after {len(journal.entries)} gaits, best so far {speed:.1f} mm/s; "
-        f"go on with: gaitopt optimise {path} --resume {path}",
-        file=sys.stderr,
-    )
+@contextmanager
+def _saying_how_to_resume(folder: Any, problem: Problem) -> Iterator[None]:
+    """Where Ctrl-C ends a run, say what it has found and how to go on with it."""
+    import shlex
+
+    from gaitopt.optimise.journal import Journal
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        if folder.started:
+            entries = Journal(folder.journal, problem).entries
+            best = min(entries, key=lambda entry: entry.evaluation.cost).evaluation
+            walks = best.status == "ok"
+            found = f"{1e3 * best.metrics['speed_m_s']:.1f} mm/s" if walks else "none that walks"
+            path = shlex.quote(str(folder.path))
+            print(
+                f"gaitopt: stopped after {len(entries)} gaits, best so far {found}; "
+                f"go on with: gaitopt optimise {path} --resume {path}",
+                file=sys.stderr,
+            )
+        raise
 
 
 def _plan(options: argparse.Namespace) -> None:
@@ -669,6 +745,29 @@ def _export(options: argparse.Namespace) -> None:
         _print_export(answer)
 
 
+def _completion(options: argparse.Namespace) -> None:
+    from gaitopt.completion import completion_script
+
+    print(completion_script(build_parser(), options.shell), end="")
+
+
+def _new(options: argparse.Namespace) -> None:
+    from gaitopt.new import make_problem
+
+    folder = options.out or Path(options.name)
+    draft = make_problem(options.name, options.mjcf, folder)
+    roles = draft.roles
+    print(
+        f"channels: {', '.join(draft.channels)}; marker: {roles['marker']}; pads: {', '.join(roles['pads'])}"
+    )
+    for remark in draft.remarks:
+        print(f"guessed: {remark}")
+    print(f"wrote {folder / 'problem.toml'}: correct what is guessed, then")
+    print(f"  gaitopt check {folder}")
+    print(f"  gaitopt simulate {folder} first-guess --video {options.name}.mp4")
+    print(f"  gaitopt optimise {folder}")
+
+
 # --- tables -----------------------------------------------------------------------------------
 
 
@@ -694,7 +793,6 @@ def _print_summary(summary: dict[str, Any]) -> None:
                 "period_s": row["period_s"],
                 "speed_mm_s": f"{1e3 * row['speed_m_s']:.1f}",
                 "90 % interval": f"{low:.1f} to {high:.1f}",
-                "worst_mm_s": f"{1e3 * row['speed_worst_m_s']:.1f}",
                 "constraints": "met" if row["constraints_met"] else "violated",
             }
         )

@@ -34,6 +34,18 @@ def read_text(path: Path) -> str:
         raise GaitoptError(f"{path}: cannot be read: {error.strerror}") from None
 
 
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file.
+
+    Raises:
+        GaitoptError: the file is missing or unreadable.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise GaitoptError(f"{path}: cannot be read: {error.strerror}") from None
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Return a TOML file as a dictionary.
 

@@ -176,6 +176,6 @@ def read_gait(path: Path) -> Gait:
     return Gait.from_dict(read_toml(path), path, path.stem)
 
 
-def write_gait(path: Path, gait: Gait) -> None:
+def write_gait(path: Path | str, gait: Gait) -> None:
     """Write a gait file whole or not at all."""
-    write_text(path, gait.to_toml())
+    write_text(Path(path), gait.to_toml())

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import copy
+import os
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -16,7 +17,7 @@ from gaitopt.effects.active import Active, transferred
 from gaitopt.effects.effect import Parts, is_added
 from gaitopt.effects.servo import net_torque_limits
 from gaitopt.errors import GaitoptError, bad_value, nearest, unknown_name
-from gaitopt.files import read_text
+from gaitopt.files import read_bytes, read_text
 from gaitopt.problem import Fidelity, Parameter, Problem
 
 # A simulation that diverges is a status on its result; MuJoCo would print it and append to a log file here.
@@ -62,6 +63,27 @@ def build_model(problem: Problem, fidelity: Fidelity | None = None) -> mujoco.Mj
     """
     model = _compile(ET.fromstring(nominal_mjcf(problem)), problem)
     return with_fidelity(model, fidelity or problem.simulation.working)
+
+
+def carrying(problem: Problem) -> Problem:
+    """Return the problem with its MJCF and the files that this names: it can go where its folder is not.
+
+    Raises:
+        GaitoptError: a file is missing, or lies outside the problem's folder.
+    """
+    root = _with_includes(problem)
+    mjcf = ET.tostring(root, encoding="unicode").encode()
+    return replace(problem, carried={problem.model_path.name: mjcf} | model_assets(problem))
+
+
+def model_assets(problem: Problem) -> dict[str, bytes]:
+    """Return the files that the MJCF names, by path from its folder.
+
+    Raises:
+        GaitoptError: a file is missing, or lies outside the problem's folder.
+    """
+    folder, files = problem.model_path.parent, _asset_files(_with_includes(problem), problem)
+    return {_from(folder, path): data for path, data in files.values()}
 
 
 def with_fidelity(model: mujoco.MjModel, fidelity: Fidelity) -> mujoco.MjModel:
@@ -233,16 +255,22 @@ def scalar_joints(model: mujoco.MjModel) -> list[int]:
 
 def _parameterised(problem: Problem) -> ET.Element:
     """Return the MJCF with includes resolved and every named parameter written in."""
-    root = _parse(problem.model_path, "mujoco")
-    _resolve_includes(root, problem.model_path.parent, depth=0)
+    root = _with_includes(problem)
     for name, parameter in problem.file.parameters.items():
         for path, template in parameter.sets.items():
             _set_attribute(root, path, template, parameter, f"{problem.source}: parameters.{name}.sets")
     return root
 
 
-def _parse(path: Path, *roots: str) -> ET.Element:
-    text = read_text(path)
+def _with_includes(problem: Problem) -> ET.Element:
+    if problem.carried is None:
+        root = _parse(problem.model_path, read_text(problem.model_path), "mujoco")
+        _resolve_includes(root, problem.model_path.parent, depth=0)
+        return root
+    return _parse(problem.model_path, problem.carried[problem.model_path.name].decode(), "mujoco")
+
+
+def _parse(path: Path, text: str, *roots: str) -> ET.Element:
     try:
         root = ET.fromstring(text)
     except ET.ParseError as error:
@@ -262,7 +290,7 @@ def _resolve_includes(element: ET.Element, folder: Path, depth: int) -> None:
             path = folder / name
             if not name or not path.resolve().is_relative_to(folder.resolve()):
                 raise bad_value(folder, "include file", name, "a file inside the problem's folder")
-            included = _parse(path, "mujocoinclude", "mujoco")
+            included = _parse(path, read_text(path), "mujocoinclude", "mujoco")
             _resolve_includes(included, folder, depth + 1)
             element.remove(child)
             for offset, grandchild in enumerate(included):
@@ -305,7 +333,12 @@ def _compile(root: ET.Element, problem: Problem) -> mujoco.MjModel:
 
 
 def _assets(root: ET.Element, problem: Problem) -> dict[str, bytes]:
-    """Return the files that the MJCF names, read from the problem's own folder and nowhere else."""
+    """Return the content of the files that the MJCF names, by the name that MuJoCo asks for."""
+    return {name: data for name, (_, data) in _asset_files(root, problem).items()}
+
+
+def _asset_files(root: ET.Element, problem: Problem) -> dict[str, tuple[Path, bytes]]:
+    """Return path and content of the files that the MJCF names, from the problem's own folder alone."""
     folder = problem.model_path.parent
     compiler = root.find("compiler")
     places = {} if compiler is None else compiler.attrib
@@ -316,10 +349,23 @@ def _assets(root: ET.Element, problem: Problem) -> dict[str, bytes]:
             continue
         place = places.get(f"{element.tag}dir", places.get("assetdir", ""))
         path = folder / place / name
-        if not path.resolve().is_relative_to(folder.resolve()) or not path.is_file():
+        data = _asset(path, problem)
+        if data is None:
             raise bad_value(problem.model_path, f"{element.tag} file", name, "a file in the problem's folder")
-        assets[f"{place.rstrip('/')}/{name}" if place else name] = path.read_bytes()
+        assets[f"{place.rstrip('/')}/{name}" if place else name] = path, data
     return assets
+
+
+def _asset(path: Path, problem: Problem) -> bytes | None:
+    folder = problem.model_path.parent
+    if problem.carried is not None:
+        return problem.carried.get(_from(folder, path))
+    inside = path.resolve().is_relative_to(folder.resolve()) and path.is_file()
+    return read_bytes(path) if inside else None
+
+
+def _from(folder: Path, path: Path) -> str:
+    return Path(os.path.relpath(path, folder)).as_posix()
 
 
 # --- the start pose ---------------------------------------------------------------------------

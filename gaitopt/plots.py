@@ -119,7 +119,7 @@ def gait_diagram(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Ro
     """Draw one cycle after the transient: what each servo does, and what each pad does on the ground."""
     chosen, cycle = _one_cycle(problem, gait, trajectory)
     names, pads = problem.channel_names, problem.roles.pads
-    contacts = {pad: _pad_states(problem, trajectory, pad, robot)[:, chosen] for pad in pads}
+    contacts = {pad: pad_states(problem, trajectory, pad, robot)[:, chosen] for pad in pads}
     rows = len(names) + bool(pads)
     figure = Figure(figsize=(_WIDTH, 0.6 + 1.6 * rows), layout="constrained")
     grid = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
@@ -245,7 +245,7 @@ def _one_cycle(
     return chosen, (trajectory.time[chosen] - begin) / gait.period_s
 
 
-def _pad_states(problem: Problem, trajectory: Trajectory, pad: str, robot: Robot) -> NDArray[np.bool_]:
+def pad_states(problem: Problem, trajectory: Trajectory, pad: str, robot: Robot) -> NDArray[np.bool_]:
     """Return when a pad is anchored, when it slides forward and when it slips back, shape (3, n).
 
     Load and speed are means over 20 ms, as contacts chatter.

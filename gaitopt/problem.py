@@ -283,6 +283,8 @@ class Problem:
         model_path: the MJCF.
         baselines: the hand-tuned gaits by name.
         space: the gait space of a search.
+        carried: the MJCF and what it names by path from its folder, where the problem travels without
+            its folder; None where they are read from the disk (see `model.carrying`).
     """
 
     file: ProblemFile
@@ -290,6 +292,12 @@ class Problem:
     model_path: Path
     baselines: Mapping[str, Gait]
     space: GaitSpace
+    carried: Mapping[str, bytes] | None = None
+
+    @staticmethod
+    def load(reference: str | Path, parameters: Mapping[str, float] | None = None) -> Problem:
+        """Return a problem from a folder, a problem TOML or a bundled name; see `load_problem`."""
+        return load_problem(reference, parameters)
 
     @staticmethod
     def from_file(file: ProblemFile, source: Path, model_path: Path) -> Problem:

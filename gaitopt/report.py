@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from gaitopt import plots
@@ -404,6 +405,7 @@ def _number(value: float) -> str:
 def _png(figure: Figure) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
+    plt.close(figure)  # of figures that pyplot keeps
     return buffer.getvalue()
 
 

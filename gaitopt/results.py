@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import re
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -16,7 +19,7 @@ import tomli_w
 from gaitopt.errors import GaitoptError, bad_value
 from gaitopt.files import read_text, read_toml, write_text, write_with
 from gaitopt.gait import write_gait
-from gaitopt.model import nominal_mjcf
+from gaitopt.model import model_assets, nominal_mjcf
 from gaitopt.optimise.run import Optimised, Request
 from gaitopt.optimise.verification import Verified
 from gaitopt.problem import PROBLEM_FILE, Problem, load_problem
@@ -26,6 +29,11 @@ RUNS = Path("results") / "runs"
 
 _REQUEST_FILE = "run.toml"
 _LOCK_FILE = ".lock"
+_MODEL_FILE = "model.xml"
+_FIRST_FILES = (PROBLEM_FILE, _MODEL_FILE)
+
+_HALF_WRITTEN = re.compile(r"\..+\.[a-z0-9_]{8}\.\w+")
+"""Names of the temporary files that `files.write_with` renames into place; a killed run may leave one."""
 
 
 class RunFolder:
@@ -40,6 +48,7 @@ class RunFolder:
         self._new = new
         self._made = made
         self._lock: IO[str] | None = None
+        self._assets: list[Path] = []
 
     @staticmethod
     def create(path: Path | None, problem: Problem, request: Request) -> RunFolder:
@@ -48,16 +57,22 @@ class RunFolder:
         Raises:
             GaitoptError: the folder holds something already, or cannot be written.
         """
-        model = nominal_mjcf(problem)
+        model, assets = nominal_mjcf(problem), model_assets(problem)
         path = path or _next_free(problem.name)
         made = _make(path)
         folder = RunFolder(path, new=True, made=made)
+        folder._take()
         try:
+            for name, data in assets.items():
+                folder._write_asset(name, data)
             write_problem(path, problem, model)
             content = asdict(request) | {"gaitopt": version("gaitopt"), "mujoco": version("mujoco")}
             folder.file(_REQUEST_FILE, lambda p: write_text(p, tomli_w.dumps(content)))
-        except GaitoptError:
+        except BaseException:
             folder.discard()
+            folder._let_go()
+            if made:
+                folder._remove_empty()
             raise
         return folder
 
@@ -80,15 +95,33 @@ class RunFolder:
         return RunFolder(path, new=False), load_problem(path), request
 
     def __enter__(self) -> RunFolder:
-        self._lock = _locked(self.path / _LOCK_FILE)
+        if self._lock is None:
+            self._take()
+        for path in [*self.path.iterdir(), *self.path.glob("figures/*")]:
+            if _HALF_WRITTEN.fullmatch(path.name):
+                path.unlink(missing_ok=True)
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._lock is not None:
-            self._lock.close()
-            (self.path / _LOCK_FILE).unlink(missing_ok=True)
         if self._new and not self.started:
             self.discard()
+        self._let_go()
+        if self._made and not self.started:
+            self._remove_empty()
+
+    def _take(self) -> None:
+        self._lock = _locked(self.path / _LOCK_FILE)
+
+    def _let_go(self) -> None:
+        if self._lock is not None:
+            _unlock(self._lock, self.path / _LOCK_FILE)
+            self._lock = None
+
+    def _write_asset(self, name: str, data: bytes) -> None:
+        path = self.path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_with(path, lambda temporary: temporary.write_bytes(data))
+        self._assets.append(path)
 
     @property
     def journal(self) -> Path:
@@ -98,7 +131,10 @@ class RunFolder:
     @property
     def started(self) -> bool:
         """Whether the folder holds anything that took time to compute."""
-        return self.journal.exists() and len(read_text(self.journal).splitlines()) > 1
+        try:
+            return self.journal.read_bytes().count(b"\n") > 1
+        except OSError:
+            return False
 
     @property
     def summary(self) -> dict[str, Any] | None:
@@ -112,9 +148,15 @@ class RunFolder:
 
     def discard(self) -> None:
         """Remove the folder with what the run wrote into it, and nothing else."""
-        for name in (_REQUEST_FILE, PROBLEM_FILE, "model.xml", self.journal.name, _LOCK_FILE):
-            (self.path / name).unlink(missing_ok=True)
-        if self._made and self.path.is_dir() and not any(self.path.iterdir()):
+        written = [self.path / name for name in (_REQUEST_FILE, *_FIRST_FILES, self.journal.name)]
+        with suppress(OSError):  # the folder may be gone, or have become read-only
+            for path in [*written, *self._assets]:
+                path.unlink(missing_ok=True)
+            for folder in {path.parent for path in self._assets} - {self.path}:
+                folder.rmdir()
+
+    def _remove_empty(self) -> None:
+        with suppress(OSError):
             self.path.rmdir()
 
     def write_results(self, problem: Problem, optimised: Optimised) -> dict[str, Any]:
@@ -216,8 +258,8 @@ def write_into(folder: Path, name: str, write: Callable[[Path], object]) -> Path
 
 def write_problem(folder: Path, problem: Problem, model: str) -> None:
     """Write the nominal model, an MJCF, and a problem file that points to it: the folder is a problem."""
-    write_into(folder, "model.xml", lambda p: write_text(p, model))
-    write_into(folder, PROBLEM_FILE, lambda p: write_text(p, problem.to_toml("model.xml")))
+    write_into(folder, _MODEL_FILE, lambda p: write_text(p, model))
+    write_into(folder, PROBLEM_FILE, lambda p: write_text(p, problem.to_toml(_MODEL_FILE)))
 
 
 def check_new(path: Path | None) -> None:
@@ -255,7 +297,7 @@ def _make(path: Path) -> bool:
             raise GaitoptError(
                 f"--out: {path} already holds a run; choose another folder, or --resume {path}"
             )
-        if any(path.iterdir()):
+        if any(path.iterdir()) and not _killed_while_made(path):
             raise GaitoptError(f"--out: {path} is not empty; allowed: a new or an empty folder")
         return False
     try:
@@ -263,6 +305,22 @@ def _make(path: Path) -> bool:
     except OSError as error:
         raise GaitoptError(f"--out: {path}: cannot be made: {error.strerror}") from None
     return True
+
+
+def _killed_while_made(path: Path) -> bool:
+    """Whether a folder holds the lock and the first files of a run killed in its first second."""
+    names = {file.name for file in path.iterdir()}
+    half = {name for name in names if _HALF_WRITTEN.fullmatch(name)}
+    return _LOCK_FILE in names and names - half <= {_LOCK_FILE, *_FIRST_FILES}
+
+
+def _unlock(file: IO[str], path: Path) -> None:
+    """Remove a lock file and let go of it, in the order that leaves no gap for a third run."""
+    with suppress(OSError):
+        if sys.platform == "win32":
+            file.close()
+        path.unlink(missing_ok=True)
+        file.close()
 
 
 def _locked(path: Path) -> IO[str]:
@@ -278,6 +336,9 @@ def _locked(path: Path) -> IO[str]:
             import fcntl
 
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not path.exists() or os.fstat(file.fileno()).st_ino != path.stat().st_ino:
+                file.close()  # its owner removed it since it was opened
+                return _locked(path)
     except OSError as error:
         if file is not None:
             file.close()

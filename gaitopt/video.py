@@ -183,7 +183,10 @@ class _Stage:
         self._camera = _camera(self._model, shown, self._path, size)
         self._context = _gl_context(*size)
         self._context.make_current()
-        self._drawing = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        try:
+            self._drawing = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        except mujoco.FatalError:
+            raise GaitoptError(_MISSING_GL) from None
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._drawing)
         self._scene = mujoco.MjvScene(self._model, maxgeom=self._model.ngeom + 1000)
         self._options = mujoco.MjvOption()
@@ -385,6 +388,16 @@ def _gl_context(width: int, height: int) -> Any:
         except Exception:
             _forget_back_end(back_end, named)
     raise GaitoptError(_MISSING_GL + (f" (MUJOCO_GL is {named!r})" if named else ""))
+
+
+def opengl_is_missing() -> bool:
+    """Return whether pictures cannot be drawn here."""
+    try:
+        context = _gl_context(8, 8)
+    except GaitoptError:
+        return True
+    context.free()
+    return False
 
 
 def _load_back_end(name: str) -> Any:

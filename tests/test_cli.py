@@ -109,7 +109,7 @@ def test_the_report_is_one_self_contained_page(finished: Path) -> None:
     page = (finished / "report.html").read_text()
     assert "stride" in page
     assert (finished / "best.toml").read_text().splitlines()[0] in page
-    assert page.count("data:image/png;base64,") == len(list((finished / "figures").iterdir())) == 4
+    assert page.count("data:image/png;base64,") == len(list((finished / "figures").iterdir())) == 6
     assert "http://" not in page
     assert "https://" not in page
 
@@ -581,7 +581,8 @@ BAD_OPTIONS = {
     ),
     "unknown executor": (
         ("optimise", "--executor", "thread"),
-        "--executor: found 'thread'; allowed: threads, processes, serial (nearest: 'threads')",
+        "--executor: found 'thread'; allowed: threads, processes, serial or dask://HOST:PORT "
+        "(nearest: 'threads')",
     ),
     "nothing to resume": (("optimise", "--resume", "gone"), "--resume: gone: not a run folder (no run.toml)"),
     "unknown parameter": (("simulate", "square", "--set", "mu_raer=1"), "unknown parameter 'mu_raer'; known: "),  # noqa: E501

@@ -34,7 +34,7 @@ def predict_each(
     durations: dict[str, float] = {}
     gaits: dict[str, Gait] = {}
     for key, trial in zip(keys, trials, strict=True):
-        durations[key] = max(durations.get(key, 0.0), _end(trial))
+        durations[key] = max(durations.get(key, 0.0), latest_gait_time(trial))
         gaits[key] = trial.gait
     rows = [
         {key: executor.submit(_measured, simulator, gaits[key], scenario, durations[key]) for key in gaits}
@@ -53,7 +53,7 @@ def gait_key(gait: Gait) -> str:
     return json.dumps(gait.to_dict())
 
 
-def _end(trial: Trial) -> float:
+def latest_gait_time(trial: Trial) -> float:
     """Return the latest gait time at which a trial may end, s."""
     latest = trial.period if trial.starts_at_s is None else trial.starts_at_s
     return max(float(trial.time[-1]) + latest, trial.period)

@@ -6,40 +6,57 @@ import hashlib
 import pickle
 import threading
 from collections.abc import Sequence
-from concurrent.futures import Executor
+from concurrent.futures import CancelledError, Executor
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
 
+from gaitopt.errors import GaitoptError
 from gaitopt.gait import Gait
 from gaitopt.metrics import Metrics, measure
-from gaitopt.model import Robot
+from gaitopt.model import Robot, carrying
 from gaitopt.objective import Evaluation, evaluate
 from gaitopt.problem import Fidelity, Problem
 from gaitopt.rollout import Scenario, Simulator
+
+_KEPT = 8
+"""Compiled settings that a worker keeps, the latest ones."""
 
 
 @dataclass(frozen=True)
 class Setting:
     """What a gait is evaluated in: the robot, the scenarios, the fidelity.
 
+    It is a value: a worker on another machine needs no file of the problem's.
+
     Attributes:
-        problem: the problem.
+        problem: the problem, with the content of its files.
         scenarios: the scenarios, the same for every gait.
         fidelity: timestep and integrator.
         key: equal for equal settings, so that a worker compiles each once.
+        versions: what the figures depend on beside the setting; a worker has to run the same.
     """
 
     problem: Problem
     scenarios: tuple[Scenario, ...]
     fidelity: Fidelity
     key: str
+    versions: str
 
     @staticmethod
     def of(problem: Problem, scenarios: Sequence[Scenario], fidelity: Fidelity) -> Setting:
         """Return a setting with its key."""
-        model = problem.model_path.read_bytes()
-        content = (problem.to_toml(str(problem.model_path)), model, tuple(scenarios), repr(fidelity))
+        problem = carrying(problem)
+        file = problem.to_toml(problem.model_path.name)
+        content = (file, sorted((problem.carried or {}).items()), tuple(scenarios), repr(fidelity))
         key = hashlib.sha256(pickle.dumps(content)).hexdigest()
-        return Setting(problem, tuple(scenarios), fidelity, key)
+        return Setting(problem, tuple(scenarios), fidelity, key, versions())
+
+
+@cache
+def versions() -> str:
+    """Return the versions that the bits of a result depend on."""
+    return ", ".join(f"{name} {version(name)}" for name in ("gaitopt", "mujoco", "numpy"))
 
 
 @dataclass(frozen=True)
@@ -70,7 +87,10 @@ class Evaluator:
         """Return the outcome of each gait in each scenario, in the order asked for."""
         scenarios = range(len(self.setting.scenarios))
         futures = [[self.executor.submit(assess, self.setting, gait, s) for s in scenarios] for gait in gaits]
-        return [[future.result() for future in row] for row in futures]
+        try:
+            return [[future.result() for future in row] for row in futures]
+        except CancelledError:
+            raise GaitoptError("--executor: the connection to its workers was lost") from None
 
     def __call__(self, gaits: Sequence[Gait]) -> list[tuple[Evaluation, list[Outcome]]]:
         """Return evaluation and outcomes of each gait, in the order asked for."""
@@ -88,9 +108,14 @@ _compiling = threading.Lock()
 
 def _prepared(setting: Setting) -> tuple[Simulator, Robot]:
     """Return this process's simulator of a setting, compiled on first use."""
-    if setting.key not in _simulators:
-        with _compiling:
-            if setting.key not in _simulators:
-                simulator = Simulator.build(setting.problem, setting.scenarios, setting.fidelity)
-                _simulators[setting.key] = simulator, Robot.of(simulator.models[0])
-    return _simulators[setting.key]
+    with _compiling:
+        if setting.key not in _simulators:
+            if setting.versions != versions():
+                raise GaitoptError(
+                    f"--executor: found a worker with {versions()}; allowed: {setting.versions}, as here"
+                )
+            while len(_simulators) >= _KEPT:
+                del _simulators[next(iter(_simulators))]
+            simulator = Simulator.build(setting.problem, setting.scenarios, setting.fidelity)
+            _simulators[setting.key] = simulator, Robot.of(simulator.models[0])
+        return _simulators[setting.key]

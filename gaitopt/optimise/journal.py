@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.errors import GaitoptError
-from gaitopt.files import read_text
+from gaitopt.files import read_bytes
 from gaitopt.gait import Gait
 from gaitopt.metrics import METRICS
 from gaitopt.objective import Evaluation
@@ -54,11 +54,11 @@ class Journal:
         ]
         self.entries: list[Entry] = []
         if not (path.exists() and self._read()):
-            self._write(",".join(self.columns) + "\n", "w")
+            self._write(",".join(self.columns) + "\n", os.O_CREAT | os.O_TRUNC)
 
     def append(self, entries: Sequence[Entry]) -> None:
         """Add the entries of one batch and make sure that they are on the disk."""
-        self._write("".join(",".join(self._row(entry)) + "\n" for entry in entries), "a")
+        self._write("".join(",".join(self._row(entry)) + "\n" for entry in entries), os.O_APPEND)
         self.entries.extend(entries)
 
     def _row(self, entry: Entry) -> list[str]:
@@ -73,10 +73,11 @@ class Journal:
             cells += [repr(value) for value in channel.model_dump().values()]
         return cells
 
-    def _write(self, text: str, mode: str) -> None:
+    def _write(self, text: str, flags: int) -> None:
+        """Write to the disk; rows go to the file that is there, not to a new one if it was removed."""
         try:
-            with self.path.open(mode, encoding="utf-8", newline="") as file:
-                file.write(text)
+            with os.fdopen(os.open(self.path, os.O_WRONLY | flags, 0o644), "wb") as file:
+                file.write(text.encode())
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
@@ -84,9 +85,9 @@ class Journal:
 
     def _read(self) -> bool:
         """Read the rows that are there; False when not even the header is whole."""
-        text = read_text(self.path)
-        whole = text[: text.rfind("\n") + 1]
-        rows = list(csv.reader(whole.splitlines()))
+        content = read_bytes(self.path)
+        whole = content[: content.rfind(b"\n") + 1]
+        rows = list(csv.reader(self._decoded(whole).splitlines()))
         if not rows:
             return False
         if rows[0] != self.columns:
@@ -102,9 +103,22 @@ class Journal:
                 self.entries.append(self._entry(dict(zip(self.columns, row, strict=True))))
             except ValueError as error:
                 raise GaitoptError(f"{self.path}: line {number + 2}: {error}") from None
-        if whole != text:
-            self._write(whole, "w")
+        if whole != content:
+            self._cut(len(whole))
         return True
+
+    def _decoded(self, content: bytes) -> str:
+        try:
+            return content.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise GaitoptError(f"{self.path}: not UTF-8 text (byte {error.start})") from None
+
+    def _cut(self, length: int) -> None:
+        """Drop a torn end, without a moment at which the rest is not on the disk."""
+        try:
+            os.truncate(self.path, length)
+        except OSError as error:
+            raise GaitoptError(f"{self.path}: cannot be written: {error.strerror}") from None
 
     def _entry(self, row: dict[str, str]) -> Entry:
         metrics = {name: float(row[name]) for name in self._metrics}

@@ -1,0 +1,140 @@
+"""The same jobs as the command line's, from Python: records and arrays in, records and arrays out.
+
+from gaitopt.api import Problem, compare, optimise, simulate
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from gaitopt.check import Finding, check
+from gaitopt.comparison import Row
+from gaitopt.comparison import compare as _compare
+from gaitopt.files import write_text
+from gaitopt.gait import Channel, Gait, read_gait, write_gait
+from gaitopt.metrics import Metrics, measure
+from gaitopt.model import Robot
+from gaitopt.objective import check_objective
+from gaitopt.optimise.executors import open_executor
+from gaitopt.optimise.journal import Journal
+from gaitopt.optimise.run import DEFAULT_BUDGET, Optimised, Request
+from gaitopt.optimise.run import optimise as _optimise
+from gaitopt.optimise.study import Progress
+from gaitopt.problem import Problem
+from gaitopt.results import RunFolder, summary_of
+from gaitopt.rollout import Simulator
+from gaitopt.trajectory import Trajectory
+
+__all__ = [
+    "Channel",
+    "Finding",
+    "Gait",
+    "Metrics",
+    "Optimised",
+    "Problem",
+    "Rollout",
+    "Trajectory",
+    "audit",
+    "compare",
+    "film",
+    "optimise",
+    "read_gait",
+    "simulate",
+    "write_gait",
+]
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """One simulated gait: its time series and its metrics."""
+
+    gait: Gait
+    trajectory: Trajectory
+    metrics: Metrics
+
+
+def simulate(problem: Problem, gait: Gait | str, csv: Path | str | None = None) -> Rollout:
+    """Simulate one gait on the nominal robot.
+
+    Args:
+        problem: the problem.
+        gait: a gait, or what `Problem.find_gait` finds by name or path.
+        csv: where to write the time series.
+    """
+    gait = _gait(problem, gait)
+    simulator = Simulator.build(problem)
+    trajectory = simulator.run(gait)
+    if csv is not None:
+        write_text(Path(csv), simulator.observe(trajectory).to_csv())
+    return Rollout(gait, trajectory, measure(problem, gait, trajectory, Robot.of(simulator.models[0])))
+
+
+def film(
+    problem: Problem, gaits: Sequence[Gait | str], path: Path | str, seconds: float | None = None
+) -> Path:
+    """Film gaits side by side: ``.mp4``, ``.gif`` or ``.webp``."""
+    from gaitopt.video import film_length, take, write_film
+
+    found = [_gait(problem, gait) for gait in gaits]
+    simulator, length = Simulator.build(problem), seconds or film_length(found)
+    write_film(Path(path), [take(simulator, gait, length) for gait in found], end=length)
+    return Path(path)
+
+
+def compare(
+    problem: Problem, gaits: Sequence[Gait | str], seed: int = 1, workers: int | None = None
+) -> list[Row]:
+    """Return one row of figures for each gait over the same scenarios, each against the first."""
+    check_objective(problem)
+    with open_executor("threads", workers) as executor:
+        return _compare(problem, [_gait(problem, gait) for gait in gaits], seed, executor)
+
+
+def audit(problem: Problem, workers: int | None = None) -> list[Finding]:
+    """Return what `gaitopt check` finds."""
+    with open_executor("threads", workers) as executor:
+        return check(problem, executor)
+
+
+def optimise(
+    problem: Problem,
+    budget: int = DEFAULT_BUDGET,
+    seed: int = 1,
+    method: str = "default",
+    warm_start: bool = True,
+    workers: int | None = None,
+    out: Path | str | None = None,
+    on_progress: Callable[[Progress], None] = lambda progress: None,
+) -> Optimised:
+    """Search for a better gait and verify it beside the hand-tuned ones.
+
+    Args:
+        problem: the problem.
+        budget: gaits to evaluate.
+        seed: seed of all randomness.
+        method: ``default``, ``cma-es`` or ``nelder-mead``.
+        warm_start: start from planned gaits, where the problem says how.
+        workers: rollouts at once; all cores by default.
+        out: a run folder to write, as the command does; nothing is left behind without it.
+        on_progress: called as each batch ends.
+    """
+    request = Request(seed, budget, method, warm_start)
+    with open_executor("threads", workers) as executor:
+        if out is None:
+            with TemporaryDirectory() as folder:
+                journal = Journal(Path(folder) / "evaluations.csv", problem)
+                return _optimise(problem, request, journal, executor, on_progress)
+        from gaitopt.report import write_report
+
+        with RunFolder.create(Path(out), problem, request) as run:
+            optimised = _optimise(problem, request, Journal(run.journal, problem), executor, on_progress)
+            write_report(run, problem, optimised, summary_of(problem, optimised))
+            run.write_results(problem, optimised)
+            return optimised
+
+
+def _gait(problem: Problem, gait: Gait | str) -> Gait:
+    return problem.find_gait(gait) if isinstance(gait, str) else problem.check_gait(gait, gait.name or "gait")

@@ -1,0 +1,247 @@
+"""The cause of a gap: all rivals fitted and judged, and the answer that their evidence allows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.diagnose import evidence
+from gaitopt.diagnose.align import Aligned
+from gaitopt.diagnose.evidence import Gap, Rival
+from gaitopt.diagnose.fitting import Bench, Note, Point, bench, fit_all, fit_pairs, predictions
+from gaitopt.diagnose.floor import Floors
+from gaitopt.diagnose.hypotheses import hypotheses
+from gaitopt.diagnose.nuisances import nuisance_robots
+from gaitopt.diagnose.residual import view
+from gaitopt.rollout import Simulator
+
+NO_GAP = 1.8
+"""A nominal robot that leaves no more whitened squares than this, in every trial, has no significant gap."""
+
+LEFT = 3.0
+"""A rival that leaves more than this leaves a significant gap."""
+
+_OTHER_HALF, _OTHER_SLOPE = 3.0, 3.0
+"""Something else is as likely as not where the best rival leaves so much; and how fast that changes."""
+
+SIGNIFICANCE = 0.05
+_PAIR_ERRORS = 1.0
+"""Standard errors by which two effects must foretell more than one."""
+
+_PAIR_GAIN = 0.6
+"""Share of the loss of one effect that two may leave at most."""
+
+_LITTLE = 0.3
+"""Less shrinkage than this explains nothing."""
+
+
+@dataclass(frozen=True)
+class Causes:
+    """What may have caused the gap.
+
+    Attributes:
+        bench: the trials.
+        nominal: the trials beside the nominal robot.
+        none: the rival without effect.
+        rivals: the other rivals, the most probable first.
+        chances: their probabilities, if the cause is in the library.
+        verdict: the answer's kind.
+        causes: the effects blamed.
+        ambiguous_with: effects that the data cannot tell from these.
+        other_probability: how likely the cause is not in the library, or not alone.
+        p_value: of the first rival against none.
+        gap: on held-out data; None where nothing was fitted.
+        seed: seed of what is random.
+        robots: robots simulated.
+    """
+
+    bench: Bench
+    nominal: Point
+    none: Rival
+    rivals: tuple[Rival, ...]
+    chances: NDArray[np.float64]
+    verdict: str
+    causes: list[str]
+    ambiguous_with: list[str]
+    other_probability: float
+    p_value: float
+    gap: Gap | None
+    seed: int
+    robots: int
+
+    @property
+    def best(self) -> Rival | None:
+        """The most probable rival."""
+        return self.rivals[0] if self.rivals else None
+
+    @property
+    def surviving(self) -> list[Rival]:
+        """The most probable rival of each effect in the answer, and the runner-up where that is one alone."""
+        firsts: dict[tuple[str, ...], Rival] = {}
+        for rival in self.rivals:
+            firsts.setdefault(tuple(rival.names), rival)
+        named = [r for names, r in firsts.items() if set(names) & {*self.causes, *self.ambiguous_with}]
+        others = [r for r in firsts.values() if r not in named]
+        return (named + others)[: max(2, len(named))][:5]
+
+    @property
+    def effects(self) -> list[dict[str, Any]]:
+        """Rows of ``effects``: one for each effect, with its most probable target."""
+        rows: dict[str, dict[str, Any]] = {}
+        for rival, chance in zip(self.rivals, self.chances.tolist(), strict=True):
+            for index, fit in enumerate(rival.fits):
+                name, target = fit.hypothesis.effect.name, fit.hypothesis.target
+                if name not in rows:
+                    rows[name] = self._row(rival, index)
+                rows[name]["probability"] += (1.0 - self.other_probability) * chance
+                targets = rows[name]["targets"]
+                targets[target] = targets.get(target, 0.0) + chance
+        return sorted(rows.values(), key=lambda row: -row["probability"])
+
+    def _row(self, rival: Rival, index: int) -> dict[str, Any]:
+        fit = rival.fits[index]
+        effect, at = fit.hypothesis.effect, rival.at[index]
+        ci90 = evidence.intervals(rival, self.bench, self.seed)[index]
+        floor = self.gap.floor if self.gap else 0.0
+        gap = evidence.gap_of(self.bench, self.nominal, rival, floor, self.seed) if self.gap else None
+        return {
+            "name": effect.name,
+            "target": fit.hypothesis.target,
+            "probability": 0.0,
+            "parameters": {effect.parameter: {"value": fit.hypothesis.value(at), "ci90": list(ci90)}},
+            "unit": effect.unit,
+            "heldout_shrinkage": gap.shrinkage if gap else None,
+            "heldout_left": evidence.left(self.bench, rival),
+            "alike": evidence.cosine(self.nominal, rival, self.rivals[0]),
+            "targets": {},
+        }
+
+
+def prepared(
+    simulator: Simulator,
+    trials: Sequence[Aligned],
+    floors: Sequence[Floors],
+    executor: Executor,
+    seed: int,
+) -> tuple[Bench, Point]:
+    """Return the trials ready for fitting, and beside the nominal robot."""
+    robots = nuisance_robots(simulator, seed)
+    records = [aligned.trial for aligned in trials]
+    futures = [executor.submit(predictions, robot, records) for robot in robots]
+    drawn = [future.result() for future in futures]
+    views = [
+        view(aligned, floor, [row[i] for row in drawn])
+        for i, (aligned, floor) in enumerate(zip(trials, floors, strict=True))
+    ]
+    nominal = [aligned.simulated for aligned in trials]
+    ready = bench(simulator.problem, simulator, views, nominal)
+    point = ready.point([0.0], nominal)
+    if point is None:
+        raise ValueError("the nominal prediction was checked when it was aligned")
+    return ready, point
+
+
+def find_causes(
+    simulator: Simulator,
+    trials: Sequence[Aligned],
+    floors: Sequence[Floors],
+    significant: bool,
+    floor_m: float,
+    executor: Executor,
+    seed: int,
+    note: Note,
+) -> Causes:
+    """Fit and judge every rival.
+
+    Args:
+        simulator: the nominal robot.
+        trials: the trials beside the nominal prediction.
+        floors: floor of each signal of each.
+        significant: whether any trial's gap is above its floor by far.
+        floor_m: the marker's floor over all trials, m.
+        executor: where robots are simulated.
+        seed: seed of what is random.
+        note: called as it goes.
+    """
+    ready, nominal = prepared(simulator, trials, floors, executor, seed)
+    none = evidence.nothing(ready, nominal)
+    if evidence.left(ready, none) <= NO_GAP or not significant:
+        return Causes(ready, nominal, none, (), np.empty(0), "no_gap", [], [], 0.0, 1.0, None, seed, 0)
+    known = any(aligned.trial.starts_at_s is not None for aligned in trials)
+    active = [setting.effect.name for setting in simulator.effects.settings]
+    rivals = hypotheses(simulator.effects.nominal, simulator.problem.channel_names, known, active)
+    fits = fit_all(ready, rivals, nominal, executor, note)
+    singles = [evidence.single(fit) for fit in fits if len(fit.points) > 1]
+    best = min(singles, key=lambda rival: float(rival.held_out.sum()))
+    doubles = []
+    if evidence.left(ready, best) > LEFT:
+        doubles = [evidence.double(pair) for pair in fit_pairs(fits, nominal, executor, note)]
+    return conclude(ready, nominal, none, singles, doubles, floor_m, seed)
+
+
+def conclude(
+    ready: Bench,
+    nominal: Point,
+    none: Rival,
+    singles: Sequence[Rival],
+    doubles: Sequence[Rival],
+    floor_m: float,
+    seed: int,
+) -> Causes:
+    """Return the answer that the evidence allows."""
+    best = min(singles, key=lambda rival: float(rival.held_out.sum()))
+    both = min(doubles, key=lambda rival: float(rival.held_out.sum()), default=None)
+    two = both is not None and _needed(ready, best, both)
+    rivals = list(doubles) if two else list(singles)
+    weights = evidence.scores(ready, rivals)
+    order = np.argsort(-weights, kind="stable")
+    rivals = [rivals[i] for i in order]
+    chances = evidence.probabilities(weights[order])
+    first = rivals[0]
+    chance_alone = evidence.p_value(ready, first, none, seed)
+    gap = evidence.gap_of(ready, nominal, first, floor_m, seed)
+    remains = evidence.left(ready, first)
+    other = 1.0 / (1.0 + (_OTHER_HALF / max(remains, 1e-9)) ** _OTHER_SLOPE)
+    improves = chance_alone <= SIGNIFICANCE and first.held_out.sum() < 0.75 * none.held_out.sum()
+    causes, rest = _named(rivals, chances, two)
+    if not improves:
+        verdict, causes, rest = "unexplained", [], []
+    elif remains > LEFT:
+        little = gap.shrinkage is not None and gap.shrinkage < _LITTLE
+        verdict = "unexplained" if little else "partly_explained"
+    else:
+        verdict = "ambiguous" if rest else "explained"
+    robots = sum(len(r.fits[0].points) for r in singles)
+    return Causes(
+        ready, nominal, none, tuple(rivals), chances, verdict, causes, rest, other, chance_alone, gap, seed,
+        robots,
+    )  # fmt: skip
+
+
+def _needed(ready: Bench, one: Rival, both: Rival) -> bool:
+    """Whether two effects foretell enough more than one."""
+    less = float(both.held_out.sum()) < _PAIR_GAIN * float(one.held_out.sum())
+    return less and evidence.better_by(ready, both, one) > _PAIR_ERRORS
+
+
+def _named(
+    rivals: Sequence[Rival], chances: NDArray[np.float64], two: bool
+) -> tuple[list[str], list[str]]:
+    """Return the effects blamed, and those that cannot be told from them."""
+    if not two:
+        names = evidence.answer_set(evidence.by_effect(rivals, chances))
+        return names[:1], names[1:]
+    first = rivals[0].names
+    kept = {name: 0.0 for name in first}
+    for rival, chance in zip(rivals, chances.tolist(), strict=True):
+        if chance >= evidence.IN_SET * float(chances[0]):
+            for name in rival.names:
+                kept[name] = kept.get(name, 0.0) + chance
+    return list(first), [name for name in kept if name not in first]
+
+

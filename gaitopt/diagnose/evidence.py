@@ -1,0 +1,324 @@
+"""Evidence: what each rival foretells of trials that its fit did not see, and what may be concluded.
+
+Each rival is fitted without one gait (without some cycles, where there is one gait) and judged on it. Its
+score is the likelihood of the whitened residual of what was left out, tempered: a model of a robot is
+never right to its floor, so squares count in multiples of what the best rival leaves, `TEMPER` times.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.diagnose.fitting import Bench, Fit, PairFit, Point
+
+Array = NDArray[np.float64]
+
+TEMPER = 6.0
+"""Whitened squares that count as one: what is left of a right model is alike from bin to bin."""
+
+PRIOR_WEIGHT = 0.3
+"""Weight of the prior of a fitted parameter: bounds and priors are guesses too."""
+
+IN_SET = 0.05
+"""A rival belongs to the answer if it is at least this probable, relative to the first."""
+
+SET_SHARE = 0.97
+"""And the answer's rivals are this probable together."""
+
+ALIKE = 0.9
+"""Signatures are said to be alike from this cosine on."""
+
+_BOOTSTRAPS = 400
+_SIGN_FLIPS = 999
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A fitted explanation, and what it foretold.
+
+    Attributes:
+        fits: the effects' fits; none for "no effect".
+        at: their coordinates, fitted to all trials.
+        seen: loss of each block, fitted to all, shape (blocks,).
+        held_out: loss of each block by the fit that did not see it, shape (blocks,).
+        whitened: residual fitted to all trials, shape (rows,).
+        apart: marker's residual of each sample by the fit that did not see it, m.
+        log_prior: of the parameters.
+        pair: the pair's fit, where there are two effects.
+    """
+
+    fits: tuple[Fit, ...]
+    at: tuple[float, ...]
+    seen: Array
+    held_out: Array
+    whitened: Array
+    apart: Array
+    log_prior: float
+    pair: PairFit | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """The effects."""
+        return [fit.hypothesis.effect.name for fit in self.fits]
+
+    @property
+    def label(self) -> str:
+        """The effects with their targets."""
+        return " + ".join(fit.hypothesis.name for fit in self.fits) or "none"
+
+    @property
+    def settings(self) -> dict[str, Mapping[str, float | str]]:
+        """What a problem file says of the effects."""
+        pairs = zip(self.fits, self.at, strict=True)
+        return {fit.hypothesis.effect.name: fit.hypothesis.values(at) for fit, at in pairs}
+
+
+def nothing(bench: Bench, nominal: Point) -> Rival:
+    """Return the rival without any effect."""
+    losses = bench.losses(nominal.whitened, nominal.whitened)
+    return Rival((), (), losses, losses, nominal.whitened, nominal.apart, 0.0)
+
+
+def single(fit: Fit) -> Rival:
+    """Return the rival of one effect."""
+    bench = fit.bench
+    held_out, apart = np.empty(bench.count), fit.between("apart").copy()
+    for fold, weights in _left_out(bench):
+        held_out[fold] = fit.loss(weights)[fold]
+        hidden = np.isin(bench.sample_blocks, fold)
+        apart[hidden] = fit.between("apart", weights)[hidden]
+    at = fit.best()
+    prior = _bounded(fit.hypothesis.log_prior(at))
+    return Rival((fit,), (at,), fit.loss(), held_out, fit.between("whitened"), apart, prior)
+
+
+def double(pair: PairFit) -> Rival:
+    """Return the rival of two effects."""
+    bench = pair.fits[0].bench
+    point = pair.best_point
+    held_out, apart = np.empty(bench.count), point.apart.copy()
+    for fold, weights in _left_out(bench):
+        moved = pair.residual("whitened", weights)
+        held_out[fold] = bench.losses(moved, moved)[fold]
+        hidden = np.isin(bench.sample_blocks, fold)
+        apart[hidden] = _between(pair, point.at + pair.step(weights))[hidden]
+    at = tuple(point.at.tolist())
+    prior = sum(_bounded(f.hypothesis.log_prior(a)) for f, a in zip(pair.fits, at, strict=True))
+    seen = bench.losses(point.whitened, point.whitened)
+    return Rival(pair.fits, at, seen, held_out, point.whitened, apart, prior, pair)
+
+
+def _between(pair: PairFit, at: Array) -> Array:
+    """Return the marker's residuals at a pair of coordinates, mixed from the simulated pairs."""
+    span = np.array([f.hypothesis.high - f.hypothesis.low for f in pair.fits])
+    known = np.stack([np.append(p.at / span, 1.0) for p in pair.points], axis=1)
+    shares, *_ = np.linalg.lstsq(known, np.append(at / span, 1.0), rcond=1e-6)
+    shares = shares / shares.sum()
+    mixed: Array = np.stack([p.apart for p in pair.points], axis=1) @ shares
+    return mixed
+
+
+def _left_out(bench: Bench) -> list[tuple[NDArray[np.intp], Array]]:
+    """Return each fold with the weights of the blocks that its fit may see."""
+    pairs = []
+    for fold in bench.folds:
+        weights = np.ones(bench.count)
+        weights[fold] = 0.0
+        pairs.append((fold, weights))
+    return pairs
+
+
+def _bounded(log_prior: float) -> float:
+    return max(log_prior, -50.0)
+
+
+def left(bench: Bench, rival: Rival) -> float:
+    """Return the mean whitened square that a rival leaves on held-out data, of the worst trial.
+
+    It is 1 where the rival is right and the covariance is.
+    """
+    return max(left_by_trial(bench, rival).values())
+
+
+def left_by_trial(bench: Bench, rival: Rival) -> dict[int, float]:
+    """Return the mean whitened square of each trial, held out."""
+    rows = bench.rows_of_blocks
+    return {
+        int(t): float(rival.held_out[bench.block_trials == t].sum() / rows[bench.block_trials == t].sum())
+        for t in np.unique(bench.block_trials)
+    }
+
+
+def scores(bench: Bench, rivals: Sequence[Rival]) -> Array:
+    """Return the logarithm of each rival's posterior weight, up to a constant."""
+    held_out = np.array([rival.held_out.sum() for rival in rivals])
+    unit = TEMPER * max(1.0, float(held_out.min()) / bench.rows_of_blocks.sum())
+    priors = np.array([PRIOR_WEIGHT * r.log_prior + sum(_share(f) for f in r.fits) for r in rivals])
+    weights: Array = -0.5 * held_out / unit + priors
+    return weights
+
+
+def _share(fit: Fit) -> float:
+    """Return the logarithm of a target's share of its effect's prior."""
+    kind, channels = fit.hypothesis.effect.target, len(fit.bench.problem.channel_names)
+    return {"none": 0.0, "any": -math.log(channels + 1.0), "one": -math.log(channels)}[kind]
+
+
+def probabilities(weights: Array) -> Array:
+    """Return what the weights are worth together, summing to 1."""
+    shares = np.exp(weights - weights.max())
+    normal: Array = shares / shares.sum()
+    return normal
+
+
+def by_effect(rivals: Sequence[Rival], chances: Array) -> dict[str, float]:
+    """Return the probability of each effect over its targets, the most probable first."""
+    totals: dict[str, float] = {}
+    for rival, chance in zip(rivals, chances.tolist(), strict=True):
+        totals[rival.names[0]] = totals.get(rival.names[0], 0.0) + chance
+    return dict(sorted(totals.items(), key=lambda item: -item[1]))
+
+
+def answer_set(chances: Mapping[str, float]) -> list[str]:
+    """Return the effects that the data cannot rule out, the most probable first."""
+    first = max(chances.values())
+    chosen, total = [], 0.0
+    for name, chance in chances.items():
+        if total < SET_SHARE or chance >= IN_SET * first:
+            chosen.append(name)
+            total += chance
+    return chosen
+
+
+def p_value(bench: Bench, rival: Rival, other: Rival, seed: int) -> float:
+    """Return how often chance alone would make `rival` this much better than `other` on held-out data.
+
+    The signs of the blocks' differences are flipped at random.
+    """
+    gain = other.held_out - rival.held_out
+    rng = np.random.default_rng([seed, 22])
+    signs = rng.choice([-1.0, 1.0], size=(_SIGN_FLIPS, len(gain)))
+    return float((1 + np.sum(signs @ gain >= gain.sum())) / (1 + _SIGN_FLIPS))
+
+
+def better_by(bench: Bench, rival: Rival, other: Rival) -> float:
+    """Return by how many standard errors over the blocks `rival` foretells more than `other`."""
+    gain = other.held_out - rival.held_out
+    error = math.sqrt(len(gain)) * float(gain.std(ddof=1)) if len(gain) > 1 else math.inf
+    return float(gain.sum()) / error if error > 0.0 else 0.0
+
+
+def cosine(nominal: Point, one: Rival, other: Rival) -> float:
+    """Return the cosine between what two rivals change, whitened."""
+    a, b = nominal.whitened - one.whitened, nominal.whitened - other.whitened
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return abs(float(a @ b)) / size if size > 0.0 else 0.0
+
+
+def intervals(rival: Rival, bench: Bench, seed: int) -> list[tuple[float, float]]:
+    """Return a 90 % interval of each parameter, in its unit.
+
+    Cycles are resampled, trial by trial; and whatever explains the data as well, tempered, belongs to it.
+    """
+    rng = np.random.default_rng([seed, 23])
+    weights = np.stack([resampled(bench.block_trials, rng) for _ in range(_BOOTSTRAPS)])
+    unit = TEMPER * max(1.0, float(rival.seen.sum() / bench.rows_of_blocks.sum()))
+    if rival.pair is not None:
+        return _pair_intervals(rival, weights, unit)
+    return [_interval(fit, weights, unit) for fit in rival.fits]
+
+
+def _interval(fit: Fit, weights: Array, unit: float) -> tuple[float, float]:
+    curve = fit.curve
+    fitted = curve.at[np.argmin(weights @ curve.losses, axis=1)]
+    total = curve.losses.sum(axis=0)
+    likely = curve.at[total <= total.min() + 2.71 * unit]
+    low, high = np.quantile(fitted, (0.05, 0.95)).tolist()
+    ends = sorted(
+        fit.hypothesis.value(c) for c in (min(low, float(likely.min())), max(high, float(likely.max())))
+    )
+    return ends[0], ends[1]
+
+
+def _pair_intervals(rival: Rival, weights: Array, unit: float) -> list[tuple[float, float]]:
+    pair = rival.pair
+    if pair is None:
+        return []
+    steps = np.stack([pair.step(row) for row in weights[:100]])
+    curvature = np.linalg.pinv(pair.slopes.T @ pair.slopes)
+    found = []
+    for index, fit in enumerate(rival.fits):
+        low, high = np.quantile(steps[:, index], (0.05, 0.95)).tolist()
+        width = 1.645 * math.sqrt(unit * float(curvature[index, index]))
+        h, at = fit.hypothesis, rival.at[index]
+        found.append(
+            (
+                h.value(max(at + min(low, -width), h.low)),
+                h.value(min(at + max(high, width), h.high)),
+            )
+        )
+    return found
+
+
+def resampled(groups: NDArray[np.intp], rng: np.random.Generator) -> Array:
+    """Return how often each block is drawn when blocks are drawn anew within their group."""
+    counts = np.zeros(len(groups))
+    for group in np.unique(groups):
+        own = np.flatnonzero(groups == group)
+        counts += np.bincount(rng.choice(own, len(own)), minlength=len(groups))
+    return counts
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The marker's gap on held-out data, m.
+
+    Attributes:
+        before, after: RMS without and with the effect.
+        floor: RMS of what a right model leaves.
+        ci90: interval of the shrinkage.
+    """
+
+    before: float
+    after: float
+    floor: float
+    ci90: tuple[float, float]
+
+    @property
+    def shrinkage(self) -> float | None:
+        """How much of what is above the floor has gone; None where nothing is above it."""
+        return shrinkage(self.before, self.after, self.floor)
+
+
+def shrinkage(before: float, after: float, floor: float) -> float | None:
+    """Return (before - after) / (before - floor); None where the gap is within the floor."""
+    return (before - after) / (before - floor) if before > floor else None
+
+
+def gap_of(bench: Bench, nominal: Point, rival: Rival, floor: float, seed: int) -> Gap:
+    """Return the gap before and after a rival, with an interval over cycles drawn anew."""
+    axes = max(1, sum(name.startswith("marker.") for name in bench.views[0].rows))
+    count = bench.count
+    samples = np.bincount(bench.sample_blocks, minlength=count) / axes
+    before = np.bincount(bench.sample_blocks, nominal.apart**2, minlength=count)
+    after = np.bincount(bench.sample_blocks, rival.apart**2, minlength=count)
+
+    def rms(squares: Array, weights: Array) -> float:
+        total = float(weights @ samples)
+        return math.sqrt(float(weights @ squares) / total) if total > 0.0 else 0.0
+
+    rng = np.random.default_rng([seed, 24])
+    drawn = []
+    for _ in range(_BOOTSTRAPS):
+        weights = resampled(bench.block_trials, rng)
+        share = shrinkage(rms(before, weights), rms(after, weights), floor)
+        if share is not None:
+            drawn.append(share)
+    low, high = np.quantile(drawn, (0.05, 0.95)).tolist() if drawn else (math.nan, math.nan)
+    ones = np.ones(count)
+    return Gap(rms(before, ones), rms(after, ones), floor, (low, high))

@@ -1,0 +1,525 @@
+"""Fits of one or two effects to a set of trials, with as few simulations as will do.
+
+Simulated parameter sets are kept, and between two of them the whitened residual is taken to change
+evenly. So the loss of every cycle is known along the whole range of a parameter, and leaving a gait out,
+resampling cycles and profiling cost no simulation. The next set is simulated where that loss is least, for
+the hypotheses that still have a chance; the curve is then true where it matters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.diagnose.dataset import Trial
+from gaitopt.diagnose.hypotheses import Hypothesis
+from gaitopt.diagnose.predict import gait_key, latest_gait_time
+from gaitopt.diagnose.residual import View
+from gaitopt.effects.active import Values
+from gaitopt.errors import GaitoptError
+from gaitopt.problem import Problem
+from gaitopt.rollout import Simulator
+from gaitopt.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_PER_INTERVAL = 24
+"""Points of the curve between two simulated ones."""
+
+_REACH = 1.0
+"""How far beyond the outermost simulated points the curve goes on, in distances to their neighbours."""
+
+ROUNDS = (26, 18, 14, 10, 8, 6, 5, 4, 4)
+"""How many hypotheses are fitted further, round by round."""
+
+_TOLERANCE = 0.004
+"""A parameter nearer to a simulated one than this share of its range need not be simulated again."""
+
+Note = Callable[[str, int], None]
+"""Called with what is being done and how many robots have been simulated."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """All trials beside one robot.
+
+    Attributes:
+        at: coordinates of the robot's parameters, shape (number of effects,).
+        whitened: residual of all trials, shape (rows,).
+        apart: marker's residuals of all samples, m.
+        angles: angles' residuals of all samples, rad.
+    """
+
+    at: Array
+    whitened: Array
+    apart: Array
+    angles: Array
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The trials, and what simulates robots for them.
+
+    Attributes:
+        problem: the nominal problem.
+        simulator: its robot.
+        views: the trials.
+        nominal: nominal trajectories of the trials.
+        blocks: block of each row, a cycle of a trial, from 0, shape (rows,).
+        block_trials: trial of each block, shape (blocks,).
+        sample_trials: trial of each sample of the marker.
+        folds: blocks of each fold that is left out in turn.
+    """
+
+    problem: Problem
+    simulator: Simulator
+    views: tuple[View, ...]
+    nominal: tuple[Trajectory, ...]
+    blocks: NDArray[np.intp]
+    block_trials: NDArray[np.intp]
+    sample_trials: NDArray[np.intp]
+    sample_blocks: NDArray[np.intp]
+    folds: tuple[NDArray[np.intp], ...]
+
+    @property
+    def count(self) -> int:
+        """Number of blocks."""
+        return len(self.block_trials)
+
+    @property
+    def rows_of_blocks(self) -> Array:
+        """Rows in each block, shape (blocks,)."""
+        return np.bincount(self.blocks, minlength=self.count).astype(float)
+
+    def losses(self, one: Array, other: Array) -> Array:
+        """Return the inner product of two whitened residuals, block by block, shape (blocks,)."""
+        sums: Array = np.bincount(self.blocks, one * other, minlength=self.count)
+        return sums
+
+    def point(self, at: Sequence[float], trajectories: Sequence[Trajectory]) -> Point | None:
+        """Return the trials beside some trajectories; None where one of these failed."""
+        compared = []
+        for one, trajectory in zip(self.views, trajectories, strict=True):
+            found = one.compare(trajectory)
+            if found is None or not np.isfinite(found.whitened).all():
+                return None
+            compared.append(found)
+        return Point(
+            np.array(at, dtype=float),
+            np.concatenate([c.whitened for c in compared]),
+            np.concatenate([c.apart for c in compared]),
+            np.concatenate([c.angles for c in compared]),
+        )
+
+
+def bench(
+    problem: Problem, simulator: Simulator, views: Sequence[View], nominal: Sequence[Trajectory]
+) -> Bench:
+    """Return the trials with their blocks and folds: a gait is left out, or a trial, or some cycles."""
+    blocks, block_trials, first = [], [], 0
+    sample_trials, sample_blocks = [], []
+    for index, one in enumerate(views):
+        present, numbers = np.unique(one.cycles, return_inverse=True)
+        blocks.append(first + numbers)
+        block_trials += [index] * len(present)
+        for name, rows in one.rows.items():
+            if name.startswith("marker."):
+                sample_trials += [index] * len(rows)
+                sample_blocks += (first + numbers[rows]).tolist()
+        first += len(present)
+    trials = np.array(block_trials)
+    return Bench(
+        problem,
+        simulator,
+        tuple(views),
+        tuple(nominal),
+        np.concatenate(blocks),
+        trials,
+        np.array(sample_trials, dtype=np.intp),
+        np.array(sample_blocks, dtype=np.intp),
+        _folds(views, trials),
+    )
+
+
+def _folds(views: Sequence[View], block_trials: NDArray[np.intp]) -> tuple[NDArray[np.intp], ...]:
+    keys = [gait_key(v.aligned.trial.gait) for v in views]
+    groups = keys if len(set(keys)) > 1 else [str(i) for i in range(len(views))]
+    names = np.array(groups)[block_trials]
+    if len(set(groups)) > 1:
+        return tuple(np.flatnonzero(names == name) for name in dict.fromkeys(groups))
+    parts = np.array_split(np.arange(len(block_trials)), min(4, len(block_trials)))
+    return tuple(part for part in parts if len(part))
+
+
+def simulate(
+    bench: Bench, effects: Mapping[str, Values], at: Sequence[float], observed_only: bool
+) -> Point | None:
+    """Return the trials beside a robot with some effects: the unit of work; None where it fails.
+
+    Args:
+        bench: the trials.
+        effects: the effects, as a problem file says them.
+        at: coordinates to note in the result.
+        observed_only: the effects change the measurement alone, so nothing is simulated.
+    """
+    try:
+        problem = bench.problem.with_effects(effects)
+        if observed_only:
+            active = replace(bench.simulator.effects, settings=problem.effects)
+            rng = np.random.default_rng(0)
+            return bench.point(at, [active.observe(t, rng) for t in bench.nominal])
+        simulator = Simulator.build(problem, fidelity=bench.simulator.fidelity)
+        return bench.point(at, predictions(simulator, [v.aligned.trial for v in bench.views]))
+    except GaitoptError:
+        return None
+
+
+def predictions(simulator: Simulator, trials: Sequence[Trial]) -> list[Trajectory]:
+    """Return what a robot is predicted to do in each trial, one rollout for each distinct gait."""
+    longest: dict[str, Trial] = {}
+    for trial in trials:
+        key = gait_key(trial.gait)
+        if key not in longest or latest_gait_time(trial) > latest_gait_time(longest[key]):
+            longest[key] = trial
+    done = {
+        key: simulator.observe(simulator.run(trial.gait, 0, latest_gait_time(trial)))
+        for key, trial in longest.items()
+    }
+    return [done[gait_key(trial.gait)] for trial in trials]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The loss of each block along a hypothesis' range.
+
+    Attributes:
+        at: coordinates, shape (n,), ascending.
+        losses: shape (blocks, n).
+        left: index of the simulated point left of each coordinate, shape (n,).
+        share: how far each coordinate is to the next simulated point, shape (n,).
+    """
+
+    at: Array
+    losses: Array
+    left: NDArray[np.intp]
+    share: Array
+
+
+@dataclass
+class Fit:
+    """One hypothesis and the parameter sets simulated for it.
+
+    Attributes:
+        hypothesis: the hypothesis.
+        bench: the trials.
+        points: simulated sets in order of their coordinate, the nominal robot among them.
+        settled: whether a further set would tell nothing new.
+    """
+
+    hypothesis: Hypothesis
+    bench: Bench
+    points: list[Point]
+    settled: bool = False
+    _curve: Curve | None = field(default=None, repr=False)
+
+    def add(self, point: Point | None) -> None:
+        """Take in one more simulated set."""
+        if point is None:
+            self.settled = len(self.points) > 4
+            return
+        self.points = sorted([*self.points, point], key=lambda p: float(p.at[0]))
+        self._curve = None
+
+    @property
+    def curve(self) -> Curve:
+        """The loss along the range."""
+        if self._curve is None:
+            self._curve = _curve(self)
+        return self._curve
+
+    def best(self, weights: Array | None = None) -> float:
+        """Return the coordinate of the least loss, blocks weighted."""
+        return float(self.curve.at[self._least(weights)])
+
+    def _least(self, weights: Array | None = None) -> int:
+        curve = self.curve
+        total = curve.losses.sum(axis=0) if weights is None else weights @ curve.losses
+        return int(np.argmin(total))
+
+    def loss(self, weights: Array | None = None) -> Array:
+        """Return each block's loss where the weighted one is least, shape (blocks,)."""
+        column: Array = self.curve.losses[:, self._least(weights)]
+        return column
+
+    def between(self, what: str, weights: Array | None = None) -> Array:
+        """Return an attribute of `Point` where the weighted loss is least."""
+        curve, index = self.curve, self._least(weights)
+        left, share = int(curve.left[index]), float(curve.share[index])
+        if len(self.points) == 1:
+            return np.asarray(getattr(self.points[0], what))
+        low, high = getattr(self.points[left], what), getattr(self.points[left + 1], what)
+        mixed: Array = (1.0 - share) * low + share * high
+        return mixed
+
+    def wanted(self) -> float | None:
+        """Return the coordinate to simulate next, or None where that would tell nothing new."""
+        if self.settled or len(self.points) < 2:
+            return None
+        known = np.array([float(p.at[0]) for p in self.points])
+        width = self.hypothesis.high - self.hypothesis.low
+        best = self.best()
+        nearest = float(np.abs(known - best).min())
+        if nearest > _TOLERANCE * width:
+            return best
+        # The least loss is at a simulated point: look to the side where the loss rises less.
+        index = int(np.abs(known - best).argmin())
+        sides = []
+        for other in (index - 1, index + 1):
+            if 0 <= other < len(known):
+                gap = known[other] - known[index]
+                if abs(gap) > 4.0 * _TOLERANCE * width:
+                    rise = self._total(known[index] + 0.35 * gap)
+                    sides.append((rise, known[index] + 0.35 * gap))
+        return float(min(sides)[1]) if sides else None
+
+    def _total(self, at: float) -> float:
+        curve = self.curve
+        return float(np.interp(at, curve.at, curve.losses.sum(axis=0)))
+
+
+def _curve(fit: Fit) -> Curve:
+    points, bench = fit.points, fit.bench
+    if len(points) == 1:
+        alone = bench.losses(points[0].whitened, points[0].whitened)
+        return Curve(points[0].at[:1], alone[:, None], np.zeros(1, dtype=np.intp), np.zeros(1))
+    at, losses, lefts, shares = [], [], [], []
+    last = len(points) - 2
+    for left in range(last + 1):
+        low, high = points[left], points[left + 1]
+        share = np.arange(_PER_INTERVAL) / _PER_INTERVAL
+        gap = float(high.at[0] - low.at[0])
+        if left == 0:
+            room = min(_REACH, (float(low.at[0]) - fit.hypothesis.low) / gap)
+            share = np.concatenate([_beyond(-room), share])
+        if left == last:
+            room = min(_REACH, (fit.hypothesis.high - float(high.at[0])) / gap)
+            share = np.concatenate([share, [1.0], 1.0 - _beyond(-room)[::-1]])
+        own, mixed, other = (
+            bench.losses(a.whitened, b.whitened)[:, None]
+            for a, b in ((low, low), (low, high), (high, high))
+        )
+        losses.append((1.0 - share) ** 2 * own + 2.0 * share * (1.0 - share) * mixed + share**2 * other)
+        at.append(low.at[0] + share * gap)
+        lefts.append(np.full(len(share), left, dtype=np.intp))
+        shares.append(share)
+    return Curve(
+        np.concatenate(at), np.concatenate(losses, axis=1), np.concatenate(lefts), np.concatenate(shares)
+    )
+
+
+def _beyond(room: float) -> Array:
+    """Return negative shares from `room` to just below 0; none where there is no room."""
+    if room > -1e-6:
+        return np.empty(0)
+    return np.linspace(room, 0.0, _PER_INTERVAL, endpoint=False)
+
+
+def fit_all(
+    bench: Bench, rivals: Sequence[Hypothesis], nominal: Point, executor: Executor, note: Note
+) -> list[Fit]:
+    """Screen every hypothesis, then fit those that have a chance, in rounds.
+
+    Args:
+        bench: the trials.
+        rivals: the hypotheses.
+        nominal: the trials beside the nominal robot.
+        executor: where robots are simulated.
+        note: called as it goes.
+    """
+    fits = [Fit(h, bench, [replace(nominal, at=np.array([h.neutral]))]) for h in rivals]
+    done = _simulate_each([(fit, at) for fit in fits for at in fit.hypothesis.screened], executor, note, 0)
+    for most in ROUNDS:
+        ordered = sorted(fits, key=lambda fit: float(fit.loss().sum()))
+        wanted = [(fit, fit.wanted()) for fit in ordered[:most]]
+        work = [(fit, at) for fit, at in wanted if at is not None]
+        if not work:
+            break
+        done = _simulate_each(work, executor, note, done)
+    return fits
+
+
+def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, note: Note, done: int) -> int:
+    futures = []
+    for fit, at in work:
+        h = fit.hypothesis
+        observed = h.effect.observe is not None
+        call = (fit.bench, {h.effect.name: h.values(at)}, [at], observed)
+        futures.append((fit, executor.submit(simulate, *call)))
+    for fit, future in futures:
+        fit.add(future.result())
+        done += 1
+        note("fitting effects", done)
+    return done
+
+
+# --- two effects ----------------------------------------------------------------------------------
+
+_FIRSTS = 8
+_PAIRS = 8
+_PAIR_ROUNDS = 4
+
+
+@dataclass
+class PairFit:
+    """Two hypotheses together.
+
+    Attributes:
+        fits: their single fits.
+        points: simulated pairs.
+        slopes: change of the whitened residual with each coordinate, shape (rows, 2), from the single fits.
+    """
+
+    fits: tuple[Fit, Fit]
+    points: list[Point]
+    slopes: Array
+
+    @property
+    def names(self) -> list[str]:
+        """The two effects."""
+        return [fit.hypothesis.effect.name for fit in self.fits]
+
+    @property
+    def best_point(self) -> Point:
+        """The simulated pair of the least loss."""
+        return min(self.points, key=lambda p: float(p.whitened @ p.whitened))
+
+    def step(self, weights: Array | None = None) -> Array:
+        """Return the Gauss–Newton step from the best point, each coordinate's, rows weighted."""
+        point = self.best_point
+        bench = self.fits[0].bench
+        by_row = np.ones(len(point.whitened)) if weights is None else weights[bench.blocks]
+        root = np.sqrt(by_row)[:, None]
+        step, *_ = np.linalg.lstsq(root * self.slopes, -root[:, 0] * point.whitened, rcond=None)
+        wanted = [
+            float(np.clip(at + s, f.hypothesis.low, f.hypothesis.high)) - at
+            for at, s, f in zip(point.at.tolist(), step.tolist(), self.fits, strict=True)
+        ]
+        return np.array(wanted)
+
+    def residual(self, what: str, weights: Array | None = None) -> Array:
+        """Return the whitened residual at the best pair for some blocks, by the slopes."""
+        point = self.best_point
+        if weights is None:
+            return np.asarray(getattr(point, what))
+        if what == "whitened":
+            moved: Array = point.whitened + self.slopes @ self.step(weights)
+            return moved
+        return np.asarray(getattr(point, what))
+
+
+def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Note) -> list[PairFit]:
+    """Fit the pairs that look best when their changes are added up.
+
+    Args:
+        fits: the single fits.
+        nominal: the trials beside the nominal robot.
+        executor: where robots are simulated.
+        note: called as it goes.
+    """
+    pairs = [_started(one, other, at) for one, other, at in _promising(fits, nominal)]
+    done = 0
+    targets = [pair.points[0].at for pair in pairs]
+    for pair in pairs:
+        pair.points.clear()
+    for number in range(_PAIR_ROUNDS):
+        chosen = list(range(len(pairs))) if number < 2 else _leading(pairs, _PAIRS // 2)
+        futures = [(i, executor.submit(_simulate_pair, pairs[i], targets[i])) for i in chosen]
+        for index, future in futures:
+            point = future.result()
+            done += 1
+            note("fitting pairs of effects", done)
+            if point is not None:
+                _learn(pairs[index], point)
+        for index in chosen:
+            if pairs[index].points:
+                targets[index] = pairs[index].best_point.at + pairs[index].step()
+    return [pair for pair in pairs if pair.points]
+
+
+def _leading(pairs: Sequence[PairFit], count: int) -> list[int]:
+    alive = [i for i, pair in enumerate(pairs) if pair.points]
+    return sorted(alive, key=lambda i: float(pairs[i].best_point.whitened @ pairs[i].best_point.whitened))[
+        :count
+    ]
+
+
+def _promising(fits: Sequence[Fit], nominal: Point) -> list[tuple[Fit, Fit, Array]]:
+    """Return the best sums of two changes: both fits and the coordinates."""
+    ordered = sorted(fits, key=lambda fit: float(fit.loss().sum()))[: 2 * _FIRSTS]
+    found: dict[tuple[str, str], tuple[float, Fit, Fit, Array]] = {}
+    for first in ordered[:_FIRSTS]:
+        remaining = first.between("whitened")
+        for second in fits:
+            if second.hypothesis.effect.name == first.hypothesis.effect.name:
+                continue
+            least, at = _least_added(remaining, second, nominal)
+            names = sorted((first.hypothesis.name, second.hypothesis.name))
+            key = (names[0], names[1])
+            if key not in found or least < found[key][0]:
+                found[key] = (least, first, second, np.array([first.best(), at]))
+    best = sorted(found.values(), key=lambda entry: entry[0])[:_PAIRS]
+    return [(one, other, at) for _, one, other, at in best]
+
+
+def _least_added(remaining: Array, fit: Fit, nominal: Point) -> tuple[float, float]:
+    """Return the least loss, and its coordinate, when a fit's change is added to a residual."""
+    best, at = float(remaining @ remaining), fit.hypothesis.neutral
+    for low, high in zip(fit.points[:-1], fit.points[1:], strict=True):
+        begin = remaining + low.whitened - nominal.whitened
+        along = high.whitened - low.whitened
+        share = float(np.clip(-(begin @ along) / max(float(along @ along), 1e-12), 0.0, 1.0))
+        moved = begin + share * along
+        loss = float(moved @ moved)
+        if loss < best:
+            best, at = loss, float(low.at[0] + share * (high.at[0] - low.at[0]))
+    return best, at
+
+
+def _started(one: Fit, other: Fit, at: Array) -> PairFit:
+    slopes = np.stack([_slope(fit, float(a)) for fit, a in zip((one, other), at, strict=True)], axis=1)
+    return PairFit((one, other), [replace(one.points[0], at=at)], slopes)
+
+
+def _slope(fit: Fit, at: float) -> Array:
+    """Return the change of the whitened residual with a fit's coordinate, near a coordinate."""
+    known = [float(p.at[0]) for p in fit.points]
+    left = int(np.clip(np.searchsorted(known, at) - 1, 0, len(known) - 2))
+    low, high = fit.points[left], fit.points[left + 1]
+    slope: Array = (high.whitened - low.whitened) / float(high.at[0] - low.at[0])
+    return slope
+
+
+def _simulate_pair(pair: PairFit, at: Array) -> Point | None:
+    effects, observed = {}, True
+    for fit, coordinate in zip(pair.fits, at.tolist(), strict=True):
+        effects[fit.hypothesis.effect.name] = fit.hypothesis.values(coordinate)
+        observed = observed and fit.hypothesis.effect.observe is not None
+    return simulate(pair.fits[0].bench, effects, at.tolist(), observed)
+
+
+def _learn(pair: PairFit, point: Point) -> None:
+    """Take in a simulated pair, and correct the slopes by it as Broyden does."""
+    if pair.points:
+        before = pair.best_point
+        span = np.array([fit.hypothesis.high - fit.hypothesis.low for fit in pair.fits])
+        moved = (point.at - before.at) / span
+        size = float(moved @ moved)
+        if size > 1e-10:
+            scaled = pair.slopes * span
+            missed = point.whitened - before.whitened - scaled @ moved
+            pair.slopes = (scaled + np.outer(missed, moved) / size) / span
+    pair.points.append(point)

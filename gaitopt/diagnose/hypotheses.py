@@ -1,0 +1,120 @@
+"""The rivals: every effect that applies to a robot, on each target that it can have."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.effects import EFFECTS, Effect
+from gaitopt.effects.active import Values
+from gaitopt.effects.effect import ALL, Parts
+
+RECORD_DEFECTS = ("clock_rounding", "marker_outliers")
+"""Effects that are found in the record itself, before anything is fitted."""
+
+_TWO_SIDED = (0.12, 0.4)
+_ONE_SIDED = (0.12, 0.4)
+"""Shares of the way from neutral to a bound at which a hypothesis is screened."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One effect on one target, with one unknown parameter.
+
+    The parameter is searched in its coordinate: its value, or the logarithm of its value where steps in
+    that are alike.
+
+    Attributes:
+        effect: the effect.
+        target: what it acts on; `ALL` for effects without a target.
+        low, high: searched range of the coordinate.
+        neutral: coordinate at which nothing changes, or the bound that is nearest to that.
+        nominal: parts of the nominal robot, for priors.
+    """
+
+    effect: Effect
+    target: str
+    low: float
+    high: float
+    neutral: float
+    nominal: Parts
+
+    @property
+    def name(self) -> str:
+        """The effect, and its target where it has one: ``servo_trim.foot1``."""
+        return self.effect.name if self.effect.target == "none" else f"{self.effect.name}.{self.target}"
+
+    def value(self, coordinate: float) -> float:
+        """Return the parameter at a coordinate, in its unit."""
+        return math.exp(coordinate) if self.effect.scale == "log" else coordinate
+
+    def coordinate(self, value: float) -> float:
+        """Return the coordinate of a parameter's value."""
+        return math.log(value) if self.effect.scale == "log" else value
+
+    def values(self, coordinate: float) -> Values:
+        """Return what a problem file says of the effect at a coordinate."""
+        values: dict[str, float | str] = {self.effect.parameter: self.value(coordinate)}
+        return values if self.effect.target == "none" else values | {"target": self.target}
+
+    def log_prior(self, coordinate: float) -> float:
+        """Return the logarithm of the prior density at a coordinate, up to a constant; at most 0."""
+        return self.effect.log_prior(self.value(coordinate), self.nominal)
+
+    @property
+    def screened(self) -> list[float]:
+        """Coordinates at which the hypothesis is tried first: at several step sizes, off the bounds."""
+        sides = [bound for bound in (self.low, self.high) if abs(bound - self.neutral) > 1e-9]
+        steps = _TWO_SIDED if len(sides) == 2 else _ONE_SIDED
+        if self.effect.observe is not None:
+            steps = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
+        points = [self.neutral + step * (bound - self.neutral) for bound in sides for step in steps]
+        return sorted(points)
+
+
+def hypotheses(
+    nominal: Parts, channels: Sequence[str], offset_known: bool, active: Iterable[str] = ()
+) -> list[Hypothesis]:
+    """Return every hypothesis that applies to a robot.
+
+    Args:
+        nominal: parts of the nominal robot.
+        channels: its actuators.
+        offset_known: whether any trial says when its recording starts; if none does, a clock's offset is
+            a nuisance and no hypothesis.
+        active: effects that the problem has switched on already, which are taken as known.
+    """
+    skipped = {*RECORD_DEFECTS, *active} | (set() if offset_known else {"clock_offset"})
+    found = []
+    for effect in EFFECTS.values():
+        if effect.name in skipped:
+            continue
+        for target in _targets(effect, channels):
+            parts = replace(nominal, target=target)
+            if effect.why_not(parts) is None:
+                found.append(_hypothesis(effect, target, parts))
+    return found
+
+
+def _targets(effect: Effect, channels: Sequence[str]) -> list[str]:
+    if effect.target == "none":
+        return [ALL]
+    return [*([ALL] if effect.target == "any" else []), *channels]
+
+
+def _hypothesis(effect: Effect, target: str, parts: Parts) -> Hypothesis:
+    low, high = effect.bounds(parts)
+    neutral = effect.neutral_value(parts)
+    if effect.scale == "log":
+        low, high = math.log(low), math.log(high)
+        neutral = math.log(neutral) if neutral > 0.0 else -math.inf
+    return Hypothesis(effect, target, low, high, min(max(neutral, low), high), parts)
+
+
+def spread_over(low: float, high: float, count: int) -> NDArray[np.float64]:
+    """Return evenly spaced coordinates, shape (count,)."""
+    return np.linspace(low, high, count)

@@ -1,0 +1,144 @@
+"""README, tutorial, API page and help: every command and example in them, run as written.
+
+Budgets are lowered to ``GAITOPT_DOCS_BUDGET`` (3 unless set), and ArcFold is a copy with a short horizon
+and few scenarios. Set-up and the test command itself are left out.
+"""
+
+import contextlib
+import functools
+import os
+import re
+import shlex
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+from gaitopt import cli, demo, plan, video
+from gaitopt.demo import demo_problem
+from gaitopt.files import write_text
+from gaitopt.optimise import run as search
+from gaitopt.optimise.run import Request
+from gaitopt.problem import Problem, load_problem
+from gaitopt.video import opengl_is_missing
+
+ROOT = Path(__file__).parent.parent
+BUDGET = int(os.environ.get("GAITOPT_DOCS_BUDGET", "3"))
+PART = re.compile(
+    r"^(?:Save it as `(?P<file>\S+)`:\n\n)?```(?P<kind>\w*)\n(?P<text>.*?)^```"  # a block
+    r"|^\| `(?P<row>gaitopt [^`]+)`",  # a row of a table
+    flags=re.M | re.S,
+)
+SETTING_UP = "python3 -m venv"
+
+needs_opengl = pytest.mark.skipif(opengl_is_missing(), reason="no OpenGL: apt install libegl1 libosmesa6")
+
+
+@pytest.fixture
+def workplace(
+    quick_folder: Path, quick: Problem, in_a_folder_of_its_own: Path, monkeypatch: pytest.MonkeyPatch
+) -> Path:
+    """A folder in which the bundled names mean quick copies; plans have few starts, films few pictures."""
+    brief = functools.partial(plan.PlanSettings, n_samples=6, n_starts=(2, 1, 1), iterations=8)
+    for module in (plan, search):
+        monkeypatch.setattr(module, "PlanSettings", brief)
+    monkeypatch.setattr(search, "_SAMPLE", 4)
+    for rate in ("FPS", "LOOP_FPS"):
+        monkeypatch.setattr(video, rate, 2.0)
+    monkeypatch.setattr(demo, "demo_problem", lambda: quick)
+    monkeypatch.setattr(demo, "REQUEST", Request(budget=BUDGET))
+    for name in ("arcfold", "arcfold-published"):
+        shutil.copytree(quick_folder, name)
+    return in_a_folder_of_its_own
+
+
+def lowered(command: str) -> str:
+    """The command with a small budget."""
+    if re.match(r"gaitopt optimise(?!.*--resume)", command):
+        command = re.sub(r"\s--budget \d+", "", command) + f" --budget {BUDGET} --quiet"
+    return command
+
+
+def execute(command: str) -> None:
+    """Run one line: gaitopt in this process, anything else in a shell."""
+    command = command.partition(" > ")[0]
+    if command.startswith("gaitopt "):
+        with contextlib.redirect_stdout(None):
+            assert cli.main(shlex.split(lowered(command))[1:]) == 0, command
+    else:
+        subprocess.run(["bash", "-euc", command], check=True)
+
+
+def commands_in(text: str) -> Iterator[str]:
+    """Every command of a page in order, in blocks and in tables; files that it shows are written."""
+    for part in PART.finditer(text):
+        if part["row"]:
+            yield part["row"]
+        elif part["file"]:
+            write_text(Path(part["file"]), part["text"])
+        elif not part["kind"] and SETTING_UP not in part["text"]:
+            yield from part["text"].strip().splitlines()
+
+
+@needs_opengl
+@pytest.mark.usefixtures("workplace")
+def test_the_readmes_commands() -> None:
+    execute("gaitopt optimise arcfold --out results/arcfold")
+    found = list(commands_in((ROOT / "README.md").read_text()))
+    assert len(found) >= 10
+    for command in found:
+        execute(command)
+
+
+@needs_opengl
+@pytest.mark.usefixtures("workplace")
+def test_the_tutorials_commands() -> None:
+    found = list(commands_in((ROOT / "docs" / "tutorial.md").read_text()))
+    assert [c.split()[1] for c in found if c.startswith("gaitopt")][-1] == "export"
+    for command in found:
+        execute(command)
+    assert (Path("run") / "report.html").is_file()
+    assert (Path("first-look") / "report.html").is_file()
+    assert list(Path("player").iterdir())
+
+
+@needs_opengl
+@pytest.mark.usefixtures("workplace")
+def test_the_api_pages_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "api.md").read_text(), flags=re.M | re.S)
+    names: dict[str, object] = {}
+    for block in blocks:
+        exec(block.replace("budget=300", f"budget={BUDGET}"), names)
+    assert "mm/s" in capsys.readouterr().out
+    assert matplotlib.get_backend().lower() == "agg"
+    assert {path.name for path in Path().iterdir()} >= {"walk.svg", "gait.pdf", "search.png", "beside.webp"}
+
+
+@needs_opengl
+@pytest.mark.usefixtures("workplace")
+def test_the_examples_of_the_help() -> None:
+    commands = next(a for a in cli.build_parser()._actions if a.dest == cli.COMMAND).choices
+    rows = "\n".join(f"{0.05 * i:.2f}\t{0.001 * i:.4f}\t0.0000" for i in range(80))
+    write_text(Path("walk.txt"), f"mass_A\nt\tx\ty\n{rows}\n")
+    arcfold = Path("arcfold") / "arcfold.xml"
+    write_text(Path("walker.xml"), arcfold.read_text())
+    examples = {name: sub.epilog.removeprefix("example: ") for name, sub in commands.items()}
+    assert all(command.startswith(f"gaitopt {name}") for name, command in examples.items())
+    run_elsewhere = set(commands_in((ROOT / "README.md").read_text()))
+    first = ["import", "new"]
+    for name in [*first, *(n for n in examples if n not in first)]:
+        if examples[name] not in run_elsewhere:
+            execute(examples[name])
+
+
+def test_the_demos_problem_is_shorter_than_the_real_one() -> None:
+    problem, real = demo_problem(), load_problem("arcfold")
+    gait = problem.baselines["square-1s"]
+    assert problem.file.scenarios.verification < real.file.scenarios.verification
+    assert sum(problem.simulation.horizon.cycles(gait.period_s)) < sum(
+        real.simulation.horizon.cycles(gait.period_s)
+    )
+    assert problem.file.parameters == real.file.parameters

@@ -1,0 +1,113 @@
+"""Pages and figures: what they say, and that they need nothing else."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import STRIDER
+from matplotlib import pyplot as plt
+
+from gaitopt import cli, plots
+from gaitopt.completion import SHELLS, completion_script
+from gaitopt.errors import GaitoptError
+from gaitopt.model import Robot
+from gaitopt.problem import Problem
+from gaitopt.rollout import Simulator
+from gaitopt.video import opengl_is_missing
+
+
+def page_of(folder: Path, names: set[str]) -> str:
+    """The page of a folder, once it is seen to be whole."""
+    page = (folder / "report.html").read_text()
+    assert {path.stem for path in (folder / "figures").iterdir()} == names
+    assert page.count("<figure>") == page.count("data:image/") == page.count("<figcaption>") == len(names)
+    assert not re.search(r'(src|href)="(?!data:)', page)
+    assert "<script" not in page
+    return page
+
+
+def test_compare_writes_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["compare", str(STRIDER), "stride", "square", "--out", str(tmp_path / "c")]) == 0
+    out = capsys.readouterr().out
+    page = page_of(tmp_path / "c", {"speeds", "position"})
+    assert "square against stride" in out
+    assert "square against stride" in page
+    assert "than noise" in page
+    assert f"report: {tmp_path / 'c' / 'report.html'}" in out.replace("\n", "").replace(
+        "report:", "\nreport:"
+    )
+
+
+def test_check_writes_a_page(tmp_path: Path) -> None:
+    assert cli.main(["check", str(STRIDER), "--out", str(tmp_path / "c"), "--json"]) == 0
+    page = page_of(tmp_path / "c", {"findings", "position", "height"})
+    assert "What it means".lower() in page.lower()
+    assert (tmp_path / "c" / "check.json").is_file()
+
+
+def test_a_used_folder_is_refused_before_anything_is_computed(tmp_path: Path) -> None:
+    (tmp_path / "notes").write_text("mine")
+    for command in (["compare", str(STRIDER), "stride"], ["check", str(STRIDER)]):
+        assert cli.main([*command, "--out", str(tmp_path)]) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["notes"]
+
+
+@pytest.mark.skipif(opengl_is_missing(), reason="no OpenGL: apt install libegl1 libosmesa6")
+def test_a_full_report_has_a_film_and_sensitivities(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    assert (
+        cli.main(["optimise", str(STRIDER), "--budget", "4", "--full", "--out", str(folder), "--quiet"]) == 0
+    )
+    names = {"speeds", "position", "periods", "gait", "angles", "convergence", "sensitivity", "walk"}
+    page = page_of(folder, names)
+    assert "data:image/webp" in page
+    assert "stride" in page
+
+
+def test_forward_is_the_problems_own(strider: Problem) -> None:
+    trajectory = Simulator.build(strider).run(strider.baselines["stride"])
+    moved = trajectory["marker.y"] - trajectory["marker.y"][0]
+    np.testing.assert_allclose(plots.along(trajectory, strider.roles, 0), moved, atol=1e-12)
+    line = plots.overlay({"stride": trajectory}, strider.roles).axes[0].lines[0]
+    assert np.max(np.abs(line.get_ydata())) == pytest.approx(1e3 * np.abs(moved).max(), rel=1e-3)
+
+
+def test_every_axis_has_a_unit(strider: Problem) -> None:
+    simulator, gait = Simulator.build(strider), strider.baselines["stride"]
+    robot, trajectory = Robot.of(simulator.models[0]), simulator.run(gait)
+    rows = [{"name": "a", "speed_m_s": 0.01, "speed_ci90_m_s": [0.009, 0.011], "speed_worst_m_s": 0.008}]
+    figures = [
+        plots.overlay({"a": trajectory}, strider.roles),
+        plots.panels({"a": trajectory, "b": trajectory}, strider.roles),
+        plots.gait_diagram(strider, gait, trajectory, robot),
+        plots.angles(strider, gait, trajectory, robot),
+        plots.speeds(rows),
+        plots.sensitivity({"x": (0.001, -0.002)}, 0.05),
+    ]
+    for figure in figures:
+        labels = [axes.get_xlabel() for axes in figure.axes] + [axes.get_ylabel() for axes in figure.axes]
+        said = [label for label in labels if label]
+        assert any(label.endswith("]") or label.startswith("share") for label in said)
+        assert all(label.endswith("]") or label.startswith("share") for label in said)
+    assert plt.get_fignums() == []
+
+
+def test_a_pad_holds_slides_or_slips(strider: Problem) -> None:
+    simulator, gait = Simulator.build(strider), strider.baselines["stride"]
+    robot, trajectory = Robot.of(simulator.models[0]), simulator.run(gait)
+    for pad in strider.roles.pads:
+        states = plots.pad_states(strider, trajectory, pad, robot)
+        assert states.sum(axis=0).max() == 1
+        assert states.any()
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_completion_knows_every_command(shell: str) -> None:
+    script = completion_script(cli.build_parser(), shell)
+    assert all(name in script for name in ("optimise", "simulate", "export", "budget", "video"))
+
+
+def test_completion_of_an_unknown_shell() -> None:
+    with pytest.raises(GaitoptError, match="bash, zsh, fish"):
+        completion_script(cli.build_parser(), "csh")

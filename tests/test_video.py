@@ -1,0 +1,145 @@
+"""Films: what is shown, when, in which format, and what is said where none can be made."""
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+from gaitopt import cli, video
+from gaitopt.errors import GaitoptError
+from gaitopt.problem import Problem
+from gaitopt.rollout import Simulator
+from gaitopt.video import (
+    FPS,
+    LOOP_FPS,
+    LOOP_SIZE,
+    SIZE,
+    film_length,
+    frames,
+    opengl_is_missing,
+    take,
+    write_film,
+)
+
+needs_opengl = pytest.mark.skipif(opengl_is_missing(), reason="no OpenGL: apt install libegl1 libosmesa6")
+
+
+@pytest.fixture(scope="module")
+def takes(strider: Problem) -> list[video.Take]:
+    simulator = Simulator.build(strider)
+    return [take(simulator, gait, 1.0) for gait in strider.baselines.values()]
+
+
+def test_poses_are_kept_when_asked_for_and_change_nothing(strider: Problem) -> None:
+    simulator = Simulator.build(strider)
+    gait = strider.baselines["stride"]
+    plain, posed = simulator.run(gait), simulator.run(gait, poses=True)
+    assert plain.poses is None
+    assert posed.poses is not None
+    assert posed.poses.shape == (len(posed.time), simulator.models[0].nq)
+    assert all(np.array_equal(plain[name], posed[name]) for name in plain.signals)
+    along = posed.poses[:, 0]  # the slide along y, a step after the marker that it carries
+    moved = posed["marker.y"] - posed["marker.y"][0]
+    np.testing.assert_allclose(along - along[0], moved, atol=0.01)
+
+
+def test_a_film_lasts_whole_cycles(strider: Problem) -> None:
+    gait = strider.baselines["stride"]
+    assert film_length([gait]) == pytest.approx(5.0)
+    assert film_length([gait, gait.with_period(4.0)]) == pytest.approx(8.0)
+    assert film_length([gait.with_period(7.0)]) == pytest.approx(7.0)
+
+
+@needs_opengl
+def test_the_robot_is_in_the_picture_and_moves(takes: list[video.Take]) -> None:
+    first, last = (
+        np.asarray(picture, float) for picture in frames(takes[:1], np.array([0.0, 0.4]), (320, 180))
+    )
+    assert first.shape == (180, 320, 3)
+    middle = first[60:120, 80:240]
+    assert middle.std() > 10.0
+    assert np.abs(first - last).mean() > 1.0
+
+
+@needs_opengl
+def test_two_robots_stand_side_by_side(takes: list[video.Take]) -> None:
+    both = next(frames(takes, np.array([0.3]), (160, 90)))
+    alone = [next(frames([shown], np.array([0.3]), (160, 90))) for shown in takes]
+    assert both.size == (320, 90)
+    halves = [both.crop((0, 0, 160, 90)), both.crop((160, 0, 320, 90))]
+    assert all(np.array_equal(np.asarray(a), np.asarray(b)) for a, b in zip(halves, alone, strict=True))
+
+
+@needs_opengl
+def test_an_mp4_has_its_length_and_size(takes: list[video.Take], tmp_path: Path) -> None:
+    write_film(tmp_path / "walk.mp4", takes[:1], end=0.4)
+    with av.open(tmp_path / "walk.mp4") as container:
+        stream = container.streams.video[0]
+        assert (stream.codec_context.name, stream.average_rate) == ("h264", FPS)
+        pictures = list(container.decode(stream))
+    assert len(pictures) == round(0.4 * FPS)
+    assert (pictures[0].width, pictures[0].height) == SIZE
+
+
+@needs_opengl
+@pytest.mark.parametrize("suffix", ["gif", "webp"])
+def test_a_loop_plays_for_ever(takes: list[video.Take], tmp_path: Path, suffix: str) -> None:
+    write_film(tmp_path / f"walk.{suffix}", takes, end=0.5)
+    with Image.open(tmp_path / f"walk.{suffix}") as loop:
+        assert loop.size == (2 * LOOP_SIZE[0], LOOP_SIZE[1])
+        assert loop.n_frames == round(0.5 * LOOP_FPS)
+        loop.load()
+        assert (loop.info["loop"], loop.info["duration"]) == (0, round(1000 / LOOP_FPS))
+
+
+@needs_opengl
+def test_the_command_films_and_answers(
+    tmp_path: Path, strider: Problem, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, path = str(strider.source.parent), tmp_path / "walk.webp"
+    options = ["--beside", "square", "--seconds", "0.3", "--video", str(path)]
+    assert cli.main(["simulate", folder, "stride", *options]) == 0
+    assert path.is_file()
+    assert "speed_m_s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--video", "walk.avi"], "no film format; allowed: a file that ends in .mp4, .gif, .webp"),
+        (["--video", "nowhere/walk.mp4"], "no folder nowhere"),
+        (["--beside", "square"], "--beside: found no --video"),
+        (["--seconds", "2"], "--seconds: found no --video"),
+        (["--video", "walk.mp4", "--seconds", "-1"], "allowed: a positive number"),
+        (["--view"], "--view: no screen here"),
+    ],
+)
+def test_what_cannot_be_filmed_is_one_line(
+    strider: Problem,
+    options: list[str],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert cli.main(["simulate", str(strider.source.parent), "stride", *options]) == 1
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert not list(Path().iterdir())
+
+
+def test_without_opengl_the_package_is_named(
+    takes: list[video.Take], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(name: str) -> object:
+        raise ImportError(name)
+
+    monkeypatch.setattr(video, "_load_back_end", broken)
+    monkeypatch.setattr(video, "_forget_back_end", lambda name, named: None)
+    with pytest.raises(GaitoptError, match="apt install libegl1"):
+        write_film(tmp_path / "walk.mp4", takes, end=0.1)
+    assert not list(tmp_path.iterdir())
