@@ -51,27 +51,38 @@ def check_objective(problem: Problem) -> None:
                 raise unknown_name(f"{problem.source}: objective.{key}", "metric", name, known)
 
 
-def evaluate(problem: Problem, rows: Sequence[Metrics], statuses: Sequence[str]) -> Evaluation:
+def evaluate(
+    problem: Problem, rows: Sequence[Metrics], statuses: Sequence[str], margin: float = 0.0
+) -> Evaluation:
     """Return the evaluation of one gait from its metrics in each scenario.
 
     The cost is the weighted sum of the mean metrics plus, for each constraint, the problem's penalty
-    times the mean violation in units of its scale.
+    times the violation by the mean metric, in units of the constraint's scale.
+
+    Args:
+        problem: the problem, for its objective.
+        rows: metrics in each scenario.
+        statuses: status of each scenario.
+        margin: share by which every limit is tightened.
     """
     objective = problem.file.objective
     failed = next((status for status in statuses if status != "ok"), None)
     if failed is not None:
         return Evaluation(FAILED_COST, mean_metrics(list(rows)), {}, failed)
     metrics = mean_metrics(list(rows))
-    violations = {name: _violation(c, metrics[name]) for name, c in objective.constraints.items()}
+    violations = {name: _violation(c, metrics[name], margin) for name, c in objective.constraints.items()}
     cost = sum(weight * metrics[name] for name, weight in objective.terms.items())
     cost += objective.penalty * sum(violations.values())
     return Evaluation(cost if math.isfinite(cost) else FAILED_COST, metrics, violations, "ok")
 
 
-def _violation(constraint: Constraint, value: float) -> float:
+def _violation(constraint: Constraint, value: float, margin: float) -> float:
     if math.isnan(value):
         return _WORST_VIOLATION
-    over = max(0.0, value - constraint.max) if constraint.max is not None else 0.0
-    under = max(0.0, constraint.min - value) if constraint.min is not None else 0.0
+    over = under = 0.0
+    if constraint.max is not None:
+        over = max(0.0, value - (constraint.max - margin * abs(constraint.max)))
+    if constraint.min is not None:
+        under = max(0.0, constraint.min + margin * abs(constraint.min) - value)
     excess = over + under
     return min(excess / constraint.scale, _WORST_VIOLATION)

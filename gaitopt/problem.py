@@ -204,11 +204,14 @@ class Objective(_Record):
         terms: weight of each metric in the cost (negative: more of it is better).
         constraints: limits by metric name; a violation costs `penalty` per `scale`.
         penalty: cost of violating a constraint by its scale.
+        search_margin: share by which the search tightens every limit: it ends on a limit, and its few
+            scenarios cannot tell on which side of it.
     """
 
     terms: dict[str, _Finite]
     constraints: dict[str, Constraint] = {}
     penalty: _Positive = 1.0
+    search_margin: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] = 0.0
 
 
 class Planar(_Record):

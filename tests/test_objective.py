@@ -102,3 +102,12 @@ def test_the_reach_of_one_channel_is_a_metric(strider: Problem) -> None:
 
 def test_the_bundled_objectives_are_made_of_metrics(arcfold: Problem) -> None:
     check_objective(arcfold)
+
+
+def test_a_margin_tightens_every_limit_for_the_search_alone(arcfold: Problem) -> None:
+    limits = {"airtime": {"max": 0.5}, "speed_m_s": {"min": 0.1}}
+    problem = aiming(arcfold, terms={"speed_m_s": -1.0}, constraints=limits)
+    rows = [row(problem, airtime=0.45, speed_m_s=0.11)]
+    assert evaluate(problem, rows, ["ok"]).constraints_met
+    tightened = evaluate(problem, rows, ["ok"], margin=0.2).violations
+    assert tightened == pytest.approx({"airtime": 0.05, "speed_m_s": 0.01})

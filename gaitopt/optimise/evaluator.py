@@ -78,28 +78,36 @@ def assess(setting: Setting, gait: Gait, scenario: int) -> Outcome:
 
 @dataclass(frozen=True)
 class Evaluator:
-    """A setting and the executor that works on it."""
+    """A setting and the executor that works on it.
+
+    Attributes:
+        setting: robot, scenarios and fidelity.
+        executor: where the rollouts run.
+        margin: share by which every limit is tightened (see `Objective.search_margin`).
+    """
 
     setting: Setting
     executor: Executor
+    margin: float = 0.0
 
     def outcomes(self, gaits: Sequence[Gait]) -> list[list[Outcome]]:
         """Return the outcome of each gait in each scenario, in the order asked for."""
         scenarios = range(len(self.setting.scenarios))
-        futures = [[self.executor.submit(assess, self.setting, gait, s) for s in scenarios] for gait in gaits]
+        submit = self.executor.submit
         try:
+            futures = [[submit(assess, self.setting, gait, s) for s in scenarios] for gait in gaits]
             return [[future.result() for future in row] for row in futures]
         except CancelledError:
             raise GaitoptError("--executor: the connection to its workers was lost") from None
 
     def __call__(self, gaits: Sequence[Gait]) -> list[tuple[Evaluation, list[Outcome]]]:
         """Return evaluation and outcomes of each gait, in the order asked for."""
-        return [(judge(self.setting.problem, row), row) for row in self.outcomes(gaits)]
+        return [(judge(self.setting.problem, row, self.margin), row) for row in self.outcomes(gaits)]
 
 
-def judge(problem: Problem, outcomes: Sequence[Outcome]) -> Evaluation:
-    """Return the evaluation of one gait from its outcomes."""
-    return evaluate(problem, [o.metrics for o in outcomes], [o.status for o in outcomes])
+def judge(problem: Problem, outcomes: Sequence[Outcome], margin: float = 0.0) -> Evaluation:
+    """Return the evaluation of one gait from its outcomes, every limit tightened by `margin`."""
+    return evaluate(problem, [o.metrics for o in outcomes], [o.status for o in outcomes], margin)
 
 
 _simulators: dict[str, tuple[Simulator, Robot]] = {}

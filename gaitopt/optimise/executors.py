@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import get_context, parent_process, resource_tracker
@@ -25,6 +25,9 @@ _LIVES = 5
 
 _ANSWER_S = 10
 """A scheduler that does not answer for this long, or has no workers, is not there."""
+
+_LOOK_S = 1.0
+"""How often it is looked whether a scheduler is still there."""
 
 
 class SerialExecutor(Executor):
@@ -124,6 +127,9 @@ class DaskExecutor(Executor):
             self._client.close()
             raise GaitoptError(f"--executor: the dask scheduler at {DASK}{address} has no workers") from None
         self._executor = self._client.get_executor()
+        self._pending: set[Future[Any]] = set()
+        self._over = threading.Event()
+        threading.Thread(target=self._watch, daemon=True).start()
         try:
             self._client.run_on_scheduler(usable_cores)
             self._client.run(usable_cores)
@@ -135,13 +141,29 @@ class DaskExecutor(Executor):
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Run `function` on one of the cluster's workers."""
-        future: Future[Any] = self._executor.submit(function, *args, **kwargs)
+        try:
+            future: Future[Any] = self._executor.submit(function, *args, **kwargs)
+        except Exception:
+            if self._client.status != "closed":
+                raise
+            raise CancelledError from None  # as is what was submitted before
+        self._pending.add(future)
+        future.add_done_callback(self._pending.discard)
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Part from the scheduler; it and its workers go on."""
-        self._executor.shutdown(wait=wait and not cancel_futures)
+        self._over.set()
+        if self._client.status != "closed":
+            self._executor.shutdown(wait=wait and not cancel_futures)
         self._client.close()
+
+    def _watch(self) -> None:
+        """Cancel what a lost scheduler leaves unanswered: dask itself forgets some of it."""
+        while not self._over.wait(_LOOK_S):
+            if self._client.status == "closed":
+                for future in self._pending.copy():
+                    future.cancel()
 
 
 def open_executor(name: str = "threads", workers: int | None = None) -> Executor:

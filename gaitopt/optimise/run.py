@@ -84,7 +84,8 @@ def optimise(
     began = time.monotonic()
     check_objective(problem)
     setting = Setting.of(problem, scenarios_of(problem, request.seed, SEARCH), problem.simulation.working)
-    evaluator = Evaluator(setting, executor)
+    margin = problem.file.objective.search_margin
+    evaluator = Evaluator(setting, executor, margin)
     study = Study(evaluator, journal, request.budget, request.seed, on_progress)
     baselines = list(problem.baselines.values())
     known = evaluator(baselines)
@@ -159,7 +160,8 @@ def _select(
     The search's own best is the luckiest on its few scenarios; a fresh draw is not so easily fooled.
     """
     scenarios = scenarios_of(problem, seed, SELECTION)
-    evaluator = Evaluator(Setting.of(problem, scenarios, problem.simulation.working), executor)
+    setting = Setting.of(problem, scenarios, problem.simulation.working)
+    evaluator = Evaluator(setting, executor, problem.file.objective.search_margin)
     judged = evaluator([gait for gait, _ in finalists])
     costs = [evaluation.cost for evaluation, _ in judged]
     gait, found_by = finalists[costs.index(min(costs))]
