@@ -177,10 +177,11 @@ def build_parser() -> argparse.ArgumentParser:
     diagnose = command(
         "diagnose",
         _diagnose,
-        "compare measured trials with the simulation: where the gap lies",
+        "compare measured trials with the simulation: where the gap lies and what causes it",
         "gaitopt diagnose arcfold trials",
     )
     _add_diagnose_options(diagnose)
+    _add_blind(commands)
 
     importing = commands.add_parser(
         "import",
@@ -216,7 +217,7 @@ def build_parser() -> argparse.ArgumentParser:
         description="Search a better gait for ArcFold, briefly, and write the report.",
         epilog="example: gaitopt demo",
     )
-    demo.set_defaults(run=_demo, executor="threads", workers=None, json=False, full=True)
+    demo.set_defaults(run=_demo, executor="threads", workers=None, json=False, full=True, sensitivities=False)
     demo.add_argument(
         "--out", type=Path, metavar="DIR", help="run folder (default: a new one in results/runs)"
     )
@@ -244,9 +245,58 @@ def _add_simulate_options(sub: argparse.ArgumentParser) -> None:
     add("--json", action="store_true", help="print JSON and nothing else")
 
 
+def _add_blind(commands: Any) -> None:
+    """Add ``blind make`` and ``blind score``."""
+    about = "make sealed cases, and score diagnoses on them"
+    blind = commands.add_parser(
+        "blind",
+        help=about,
+        description=about[0].upper() + about[1:] + ".",
+        epilog="example: gaitopt blind make arcfold --cases 10 --seed 1 --out cases",
+    )
+    actions = blind.add_subparsers(title="actions", metavar="ACTION", required=True)
+    make = actions.add_parser(
+        "make",
+        help="draw sealed cases",
+        description="Draw sealed cases: data sets whose cause is known to blind score alone.",
+        epilog="example: gaitopt blind make arcfold --cases 10 --seed 1 --out cases",
+    )
+    make.set_defaults(run=_blind_make, parameters=[])
+    add = make.add_argument
+    add("problem", metavar="PROBLEM", help="folder, problem TOML, or bundled name")
+    add("--cases", type=int, metavar="N", required=True, help="how many")
+    add("--seed", type=int, help="seed of all randomness (default: 1)")
+    add("--out", type=Path, metavar="DIR", required=True, help="their folder; cases it holds are kept")
+    add("--seconds", type=float, default=12.0, metavar="S", help="length of a trial (default: 12)")
+    add("--gaits", metavar="A,B,…", help="baselines filmed (default: all)")
+    add(
+        "--signals",
+        metavar="A,B,…",
+        help="what is measured (default: the marker and the first servo's joint)",
+    )
+    add("--kind", choices=("single", "none", "outside", "pair"), help="make this kind alone")
+    add("--only", metavar="NAME", help="with --kind: plant this effect or disturbance")
+    _add_worker_option(make)
+    rating = actions.add_parser(
+        "score",
+        help="compare diagnoses with the sealed truth",
+        description="Compare diagnoses with the sealed truth; cases without one are diagnosed first.",
+        epilog="example: gaitopt blind score cases",
+    )
+    rating.set_defaults(run=_blind_score)
+    rating.add_argument("folder", type=Path, metavar="DIR", help="the folder that blind make made")
+    rating.add_argument(
+        "--diagnoses", type=Path, metavar="D", help="run folders, one a case (default: DIR/diagnoses)"
+    )
+    rating.add_argument("--json", action="store_true", help="print JSON and nothing else")
+    _add_worker_option(rating)
+
+
 def _add_diagnose_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("dataset", type=Path, metavar="DATASET", help="folder with dataset.toml and its trials")
     sub.add_argument("--seed", type=int, help="seed of all randomness (default: 1)")
+    sub.add_argument("--effects", metavar="A,B,…", help="try these effects alone (default: all that apply)")
+    sub.add_argument("--quiet", action="store_true", help="no progress display")
     _add_output_options(sub)
     _add_worker_option(sub)
 
@@ -292,6 +342,10 @@ def _add_search_options(sub: argparse.ArgumentParser) -> None:
         "--warm-start", action=argparse.BooleanOptionalAction, default=None, help="start from planned gaits"
     )
     sub.add_argument(
+        "--pareto", action="store_const", const=True,
+        help="spend half of the budget on a front of speed against cost of transport",
+    )  # fmt: skip
+    sub.add_argument(
         "--executor",
         default="threads",
         metavar="NAME",
@@ -300,6 +354,7 @@ def _add_search_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("--resume", type=Path, metavar="DIR", help="go on with an interrupted run")
     sub.add_argument("--quiet", action="store_true", help="no progress display")
     sub.add_argument("--full", action="store_true", help="add a film and sensitivities to the report")
+    sub.set_defaults(sensitivities=True)
     _add_worker_option(sub)
 
 
@@ -382,6 +437,7 @@ def _searched(folder: Any, problem: Problem, request: Any, options: argparse.Nam
     from gaitopt.optimise.executors import open_executor, working
     from gaitopt.optimise.journal import Journal
     from gaitopt.optimise.run import optimise
+    from gaitopt.optimise.sensitivity import sensitivities
     from gaitopt.report import write_report
     from gaitopt.results import summary_of
 
@@ -390,7 +446,9 @@ def _searched(folder: Any, problem: Problem, request: Any, options: argparse.Nam
         progress_display(request.budget, quiet=options.quiet or options.json) as display,
     ):
         optimised = optimise(problem, request, Journal(folder.journal, problem), executor, display)
-    write_report(folder, problem, optimised, summary_of(problem, optimised), options.full)
+        asked = options.full and options.sensitivities
+        sensitive = sensitivities(problem, optimised.best.gait, request.seed, executor) if asked else []
+    write_report(folder, problem, optimised, summary_of(problem, optimised), options.full, sensitive)
     summary: dict[str, Any] = folder.write_results(problem, optimised)  # last: it says that the run is done
     return summary
 
@@ -404,7 +462,9 @@ def _open_run(options: argparse.Namespace) -> tuple[Any, Problem, Any]:
 
     if options.resume is not None:
         given = [
-            n for n in ("budget", "seed", "method", "warm_start", "out") if getattr(options, n) is not None
+            name
+            for name in ("budget", "seed", "method", "warm_start", "pareto", "out")
+            if getattr(options, name) is not None
         ]
         if given or options.parameters:
             name = (given or ["set"])[0].replace("_", "-")
@@ -421,7 +481,7 @@ def _open_run(options: argparse.Namespace) -> tuple[Any, Problem, Any]:
             f"--method: found {method!r}; allowed: {', '.join(METHODS)}{nearest(method, METHODS)}"
         )
     check_objective(problem)
-    request = Request(seed, budget, method, options.warm_start is not False)
+    request = Request(seed, budget, method, options.warm_start is not False, bool(options.pareto))
     return RunFolder.create(options.out, problem, request), problem, request
 
 
@@ -450,7 +510,7 @@ def _saying_how_to_resume(folder: Any, problem: Problem) -> Iterator[None]:
 
 
 def _plan(options: argparse.Namespace) -> None:
-    from gaitopt.plan import Planner, PlanSettings, plan_rows
+    from gaitopt.plan import MISSES, Planner, PlanSettings, plan_rows
     from gaitopt.results import to_json
 
     problem = _load(options)
@@ -471,6 +531,7 @@ def _plan(options: argparse.Namespace) -> None:
     _print_rows(rows, as_json=False)
     for name, creep in plan.creep.items():
         print(f"{name}: smoothed friction changes the predicted speed by {1e3 * creep:+.2f} mm/s")
+    print(MISSES)
 
 
 def _seed(value: int | None) -> int:
@@ -670,6 +731,9 @@ def _diagnose(options: argparse.Namespace) -> None:
     from gaitopt.diagnose.diagnosis import diagnose
     from gaitopt.diagnose.words import answer, explanation
     from gaitopt.diagnosis_report import write_diagnosis
+    from gaitopt.display import steps_display
+    from gaitopt.effects import EFFECTS
+    from gaitopt.errors import unknown_name
     from gaitopt.files import read_text
     from gaitopt.optimise.executors import open_executor
     from gaitopt.results import check_new
@@ -677,11 +741,16 @@ def _diagnose(options: argparse.Namespace) -> None:
 
     check_new(options.out)
     problem = _load(options)
+    among = options.effects.split(",") if options.effects else None
+    for name in among or ():
+        if name not in EFFECTS:
+            raise unknown_name("diagnose", "effect in --effects:", name, EFFECTS)
     simulator = Simulator.build(problem)
     dataset = load_dataset(options.dataset, problem, [name for name in simulator.signals if name])
     with open_executor("threads", options.workers) as executor:
-        diagnosis = diagnose(simulator, dataset, executor, _seed(options.seed))
-    folder = write_diagnosis(options.out, problem, diagnosis)
+        with steps_display(options.quiet or options.json) as note:
+            diagnosis = diagnose(simulator, dataset, executor, _seed(options.seed), note, among=among)
+        folder = write_diagnosis(options.out, problem, diagnosis, executor)
     if options.json:
         print(read_text(folder / "diagnosis.json"), end="")
         return
@@ -689,6 +758,45 @@ def _diagnose(options: argparse.Namespace) -> None:
     for sentence in explanation(diagnosis):
         print(f"- {sentence}")
     print(f"report: {folder / 'report.html'}")
+
+
+def _blind_make(options: argparse.Namespace) -> None:
+    from gaitopt.diagnose.blind import kinds_of, make_all
+    from gaitopt.errors import bad_value
+    from gaitopt.optimise.executors import open_executor
+
+    problem = _load(options)
+    if options.cases < 1:
+        raise bad_value("blind make", "--cases", options.cases, "1 or more")
+    if options.only and not options.kind:
+        raise bad_value("blind make", "--only", options.only, "with --kind single or outside")
+    gaits = options.gaits.split(",") if options.gaits else list(problem.baselines)
+    signals = options.signals.split(",") if options.signals else None
+    seed = _seed(options.seed)
+    kinds = [options.kind] * options.cases if options.kind else kinds_of(options.cases, seed)
+    with open_executor("threads", options.workers) as executor:
+        folders = make_all(
+            problem, options.out, kinds, seed, gaits, options.seconds, signals, options.only, executor
+        )
+    print(f"{len(folders)} cases: {options.out}; their truth: {options.out / 'sealed'}")
+
+
+def _blind_score(options: argparse.Namespace) -> None:
+    from gaitopt.diagnose.scoring import read_cases, score, sentences
+    from gaitopt.diagnosis_report import diagnose_folders
+    from gaitopt.display import steps_display
+    from gaitopt.optimise.executors import open_executor
+    from gaitopt.results import to_json
+
+    diagnoses = options.diagnoses or options.folder / "diagnoses"
+    with open_executor("threads", options.workers) as executor, steps_display(options.json) as note:
+        diagnose_folders(options.folder, diagnoses, executor, note)
+    record = score(read_cases(options.folder, diagnoses))
+    if options.json:
+        print(to_json(record), end="")
+        return
+    for sentence in sentences(record):
+        print(sentence)
 
 
 def _import(options: argparse.Namespace) -> None:

@@ -13,6 +13,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from gaitopt.diagnose.align import is_marker
+from gaitopt.diagnose.causes import Causes
 from gaitopt.diagnose.diagnosis import Diagnosis, TrialGap
 from gaitopt.diagnose.where import COMPONENTS, PHASE_BINS
 from gaitopt.plots import BEST_COLOUR, COLOURS, finish
@@ -86,6 +87,72 @@ def components(diagnosis: Diagnosis) -> Figure:
     axes.set_axisbelow(True)
     axes.axvline(1.0, color="k", lw=1.0, ls="--", label="the floor")
     finish(axes, "gap [floors]; a component's length is its share of the squared gap", "")
+    return figure
+
+
+def ranking(found: Causes) -> Figure:
+    """Draw what the best rivals leave of the held-out trials, and nothing at all beside them."""
+    firsts: dict[str, float] = {"no effect": float(found.none.held_out.sum())}
+    errors = {"no effect": 0.0}
+    best = found.rivals[0]
+    for rival in found.rivals:
+        if rival.label not in firsts and len(firsts) < 13:
+            apart = rival.held_out - best.held_out
+            firsts[rival.label] = float(rival.held_out.sum())
+            errors[rival.label] = float(np.sqrt(len(apart)) * apart.std())
+    rows = float(found.bench.rows_of_blocks.sum())
+    names = sorted(firsts, key=lambda name: firsts[name])
+    figure, axes = plt.subplots(figsize=(8.0, 0.34 * len(names) + 1.6), layout="constrained")
+    places = np.arange(len(names))[::-1]
+    axes.barh(
+        places,
+        [firsts[name] / rows for name in names],
+        xerr=[errors[name] / rows for name in names],
+        color=[BEST_COLOUR if name in (best.label,) else COLOURS[0] for name in names],
+    )
+    axes.set_yticks(places, names, fontsize=8)
+    axes.set_xscale("log")
+    axes.axvline(1.0, color="k", lw=1.0, ls="--", label="a right model")
+    finish(axes, "whitened mean square left on held-out data; error bars: of the difference to the first", "")
+    return figure
+
+
+def profile(found: Causes) -> Figure:
+    """Draw the loss along each parameter of the winner, and the sets simulated."""
+    best = found.rivals[0]
+    figure, grid = plt.subplots(
+        1, len(best.fits), figsize=(5.5 * len(best.fits), 3.2), layout="constrained", squeeze=False
+    )
+    rows = float(found.bench.rows_of_blocks.sum())
+    for axes, fit, at in zip(grid[0], best.fits, best.at, strict=True):
+        h, curve = fit.hypothesis, fit.curve
+        values = [h.value(c) for c in curve.at.tolist()]
+        axes.plot(values, curve.losses.sum(axis=0) / rows, color=BEST_COLOUR, label="between them")
+        known = [(h.value(float(p.at[0])), float(p.whitened @ p.whitened) / rows) for p in fit.points]
+        axes.plot(*zip(*known, strict=True), "o", color=COLOURS[0], ms=4, label="simulated")
+        axes.axvline(h.value(at), color="k", lw=1.0, ls="--", label="fitted")
+        axes.set_yscale("log")
+        finish(axes, f"{h.name}: {h.effect.parameter}", "whitened mean square")
+    return figure
+
+
+def corrected(found: Causes) -> Figure:
+    """Draw the marker's residual of every sample of each trial, before and after, held out."""
+    best, bench = found.rivals[0], found.bench
+    trials = np.unique(bench.sample_trials).tolist()
+    figure, grid = plt.subplots(
+        max(1, len(trials)),
+        1,
+        figsize=(8.0, 1.7 * max(1, len(trials)) + 0.6),
+        layout="constrained",
+        squeeze=False,
+    )
+    for axes, trial in zip(grid[:, 0], trials, strict=False):
+        own = bench.sample_trials == trial
+        axes.plot(1e3 * found.nominal.apart[own], ".", ms=2, color=COLOURS[0], label="nominal")
+        axes.plot(1e3 * best.apart[own], ".", ms=2, color=BEST_COLOUR, label=best.label)
+        axes.set_title(bench.views[trial].aligned.trial.name, loc="left", fontsize=10)
+        finish(axes, "sample, axis after axis", "apart [mm]", legend=trial == trials[0])
     return figure
 
 

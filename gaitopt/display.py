@@ -78,6 +78,26 @@ def note(text: str) -> None:
     print(f"checking {text} …", file=sys.stderr)
 
 
+@contextmanager
+def steps_display(quiet: bool) -> Iterator[Callable[[str, int], None]]:
+    """Yield what a diagnosis calls as it goes: one moving line on a terminal, a line a step elsewhere."""
+    console = Console(stderr=True)
+    if quiet:
+        yield lambda what, done: None
+    elif console.is_terminal:
+        with console.status("") as status:
+            yield lambda what, done: status.update(f"{what}: {done} robots simulated")
+    else:
+        said: set[str] = set()
+
+        def show(what: str, done: int) -> None:
+            if what not in said:
+                said.add(what)
+                console.print(f"{what} …", highlight=False)
+
+        yield show
+
+
 def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print rows as a table: a column each where they fit, else a line per key."""
     console = Console()

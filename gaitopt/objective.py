@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from gaitopt.errors import unknown_name
 from gaitopt.metrics import METRICS, Metrics, mean_metrics
 from gaitopt.problem import Constraint, Problem
@@ -23,7 +25,8 @@ class Evaluation:
     Attributes:
         cost: what the search minimises.
         metrics: mean of each metric over the scenarios.
-        violations: by how much of its scale each constraint is exceeded; 0 where it is met.
+        violations: by how much of its scale each constraint is exceeded; 0 where it is met. By the mean
+            metric, or as `Objective.over_scenarios` asks.
         status: ``ok``, or why a scenario failed.
     """
 
@@ -57,7 +60,9 @@ def evaluate(
     """Return the evaluation of one gait from its metrics in each scenario.
 
     The cost is the weighted sum of the mean metrics plus, for each constraint, the problem's penalty
-    times the violation by the mean metric, in units of the constraint's scale.
+    times the violation by the mean metric, in units of the constraint's scale. Where the problem asks
+    for the worst scenario or a quantile, it is that of the weighted sums of the scenarios, plus the
+    penalty times that of each constraint's violations.
 
     Args:
         problem: the problem, for its objective.
@@ -70,10 +75,23 @@ def evaluate(
     if failed is not None:
         return Evaluation(FAILED_COST, mean_metrics(list(rows)), {}, failed)
     metrics = mean_metrics(list(rows))
-    violations = {name: _violation(c, metrics[name], margin) for name, c in objective.constraints.items()}
-    cost = sum(weight * metrics[name] for name, weight in objective.terms.items())
+    share = objective.worse_share
+    judged = [metrics] if share is None else [mean_metrics([row]) for row in rows]
+    violations = {
+        name: _over([_violation(limit, row[name], margin) for row in judged], share)
+        for name, limit in objective.constraints.items()
+    }
+    cost = _over([sum(w * row[name] for name, w in objective.terms.items()) for row in judged], share)
     cost += objective.penalty * sum(violations.values())
     return Evaluation(cost if math.isfinite(cost) else FAILED_COST, metrics, violations, "ok")
+
+
+def _over(values: list[float], share: float | None) -> float:
+    """Return the value that this share of the values exceeds; where there is but one, that."""
+    if share is None:
+        return values[0]
+    with np.errstate(invalid="ignore"):  # of an infinite cost and a finite one
+        return float(np.quantile(values, 1.0 - share)) if share else max(values)
 
 
 def _violation(constraint: Constraint, value: float, margin: float) -> float:

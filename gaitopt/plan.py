@@ -30,6 +30,12 @@ from gaitopt.problem import Planar, Problem
 
 Index = list[int]
 
+MISSES = (
+    "the planar model knows no sideways motion, yaw, roll dynamics or landing: it predicts gaits that "
+    "drift too fast"
+)
+"""What to bear in mind with every predicted speed."""
+
 
 @dataclass(frozen=True)
 class PlanSettings:
@@ -329,4 +335,5 @@ def plan_rows(plan: Plan) -> dict[str, Any]:
             for name, speed in plan.baselines.items()
         ],
         "dropped": list(plan.dropped),
+        "misses": MISSES,
     }

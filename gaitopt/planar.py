@@ -58,6 +58,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.interrupts import interrupts_held
+
 Vector = NDArray[np.float64]
 Symbol = Any
 """A CasADi expression; the package has no types of its own."""
@@ -388,14 +390,15 @@ class Collocation:
         """Optimise from a point at one friction width."""
         lower, upper = self.lower.copy(), self.upper.copy()
         lower[2] = upper[2] = point[2]
-        found = self.solver(
-            x0=np.clip(point, lower, upper),
-            p=width,
-            lbx=lower,
-            ubx=upper,
-            lbg=self.lower_g,
-            ubg=self.upper_g,
-        )
+        with interrupts_held():  # IPOPT would end this start for it, and the plan go on without
+            found = self.solver(
+                x0=np.clip(point, lower, upper),
+                p=width,
+                lbx=lower,
+                ubx=upper,
+                lbg=self.lower_g,
+                ubg=self.upper_g,
+            )
         point = np.array(found["x"]).ravel()
         stats = self.solver.stats()
         return Solution(point, -float(found["f"]) / 10, stats["return_status"], stats["iter_count"])

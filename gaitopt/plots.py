@@ -14,6 +14,8 @@ from gaitopt.gait import Gait
 from gaitopt.metrics import LOADED
 from gaitopt.model import Robot
 from gaitopt.optimise.journal import Entry
+from gaitopt.optimise.pareto import FrontGait, speed, transport
+from gaitopt.optimise.sensitivity import Sensitivity
 from gaitopt.problem import Problem
 from gaitopt.roles import Roles
 from gaitopt.trajectory import Trajectory
@@ -115,6 +117,39 @@ def convergence(entries: Sequence[Entry], baselines: Mapping[str, float]) -> Fig
     return figure
 
 
+def front(
+    entries: Sequence[Entry], found: Sequence[FrontGait], baselines: Mapping[str, tuple[float, float]]
+) -> Figure:
+    """Draw cost of transport over speed: every gait that keeps the limits, the front, the hand-tuned gaits.
+
+    Args:
+        entries: every gait evaluated.
+        found: the gaits of the front, verified.
+        baselines: speed, m/s, and cost of transport by name.
+    """
+    figure = Figure(figsize=(_WIDTH, 4.5), layout="constrained")
+    axes = figure.subplots()
+    able = [entry for entry in entries if entry.evaluation.constraints_met and speed(entry) > 0.0]
+    able = [entry for entry in able if np.isfinite(transport(entry))]
+    axes.plot(
+        [1e3 * speed(e) for e in able], [transport(e) for e in able], ".", color="0.7", markersize=3,
+        label="evaluated, limits kept",
+    )  # fmt: skip
+    for kept, mark, label in ((True, "o-", "front, verified"), (False, "x", "beaten once verified")):
+        chosen = [(1e3 * one.verified.speed, one) for one in found if one.efficient == kept]
+        costs = [one.verified.evaluation.metrics["cost_of_transport"] for _, one in chosen]
+        if chosen:
+            axes.plot([x for x, _ in chosen], costs, mark, color=BEST_COLOUR, markersize=6, label=label)
+        for (x, one), cost in zip(chosen, costs, strict=True):
+            name = one.verified.gait.name
+            axes.annotate(name, (x, cost), fontsize=8, xytext=(4, 4), textcoords="offset points")
+    for index, (name, (speed_m_s, cost)) in enumerate(baselines.items()):
+        axes.plot(1e3 * speed_m_s, cost, _MARKS[index % 5], color=COLOURS[index % 5], label=name)
+    axes.set_yscale("log")
+    finish(axes, "forward speed [mm/s]", "cost of transport [1]")
+    return figure
+
+
 def gait_diagram(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) -> Figure:
     """Draw one cycle after the transient: what each servo does, and what each pad does on the ground."""
     chosen, cycle = _one_cycle(problem, gait, trajectory)
@@ -166,24 +201,29 @@ def angles(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) -
     return figure
 
 
-def sensitivity(changes: Mapping[str, tuple[float, float]], step: float) -> Figure:
-    """Draw how the speed changes when one coordinate of a gait does.
+def sensitivity(found: Sequence[Sensitivity], step: str) -> Figure:
+    """Draw how the speed changes when one number of a gait or of a model does.
 
     Args:
-        changes: by coordinate, the change of speed a step down and a step up, m/s.
-        step: the step, as a share of the coordinate's range.
+        found: the numbers.
+        step: the step, in words.
     """
-    figure = Figure(figsize=(_WIDTH, 1.2 + 0.32 * len(changes)), layout="constrained")
+    figure = Figure(figsize=(_WIDTH, 1.2 + 0.32 * len(found)), layout="constrained")
     axes = figure.subplots()
-    ranked = sorted(changes, key=lambda name: max(map(abs, changes[name])))
+    ranked = sorted(found, key=lambda one: float(np.nan_to_num(max(abs(one.down), abs(one.up)))))
     places = np.arange(len(ranked))
     for index, (sign, hatch, shift) in enumerate((("down", "", -0.2), ("up", "//", 0.2))):
-        widths = [1e3 * changes[name][index] for name in ranked]
+        widths = [1e3 * getattr(one, sign) for one in ranked]
         axes.barh(
             places + shift, widths, height=0.38, color=COLOURS[index], hatch=hatch, edgecolor="white",
-            label=f"{step:.0%} of its range {sign}",
+            label=f"{step} {sign}",
         )  # fmt: skip
-    axes.set_yticks(places, ranked, fontsize=8)
+    slopes, noise = [1e3 * one.slope for one in ranked], [1e3 * one.noise for one in ranked]
+    axes.errorbar(
+        slopes, places, xerr=noise, fmt="k|", markersize=7, capsize=2, linewidth=0.9,
+        label="half the difference, 90 % interval",
+    )  # fmt: skip
+    axes.set_yticks(places, [one.name for one in ranked], fontsize=8)
     axes.axvline(0.0, color="k", linewidth=0.8)
     finish(axes, "change of the forward speed [mm/s]", "")
     return figure

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from gaitopt.calibration import Calibration
 from gaitopt.effects.active import Setting, Values, settings_of
@@ -197,6 +197,12 @@ class Constraint(_Record):
         return self
 
 
+class Quantile(_Record):
+    """The scenario below which this share of them lies, counted from the worst."""
+
+    quantile: Annotated[float, Field(strict=True, ge=0.0, le=0.5)]
+
+
 class Objective(_Record):
     """What to look for: weighted metrics to minimise, and limits that must hold.
 
@@ -206,12 +212,32 @@ class Objective(_Record):
         penalty: cost of violating a constraint by its scale.
         search_margin: share by which the search tightens every limit: it ends on a limit, and its few
             scenarios cannot tell on which side of it.
+        over_scenarios: what a gait is worth over its scenarios: the ``mean``, by which limits hold for
+            mean metrics; the ``worst``, by which they hold in every scenario; or a quantile in between,
+            by which at most this share of the scenarios may be worse and may violate a limit.
     """
 
     terms: dict[str, _Finite]
     constraints: dict[str, Constraint] = {}
     penalty: _Positive = 1.0
     search_margin: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] = 0.0
+    over_scenarios: Literal["mean", "worst"] | Quantile = "mean"
+
+    @field_validator("over_scenarios", mode="before")
+    @classmethod
+    def _is_a_rule(cls, value: Any) -> Any:
+        share = value.get("quantile") if isinstance(value, dict) and len(value) == 1 else None
+        number = isinstance(share, (int, float)) and not isinstance(share, bool) and 0.0 <= share <= 0.5
+        if not (number or value in ("mean", "worst") or isinstance(value, Quantile)):
+            raise ValueError(f'found {value!r}; allowed: "mean", "worst" or {{ quantile = 0 to 0.5 }}')
+        return {"quantile": float(share)} if share is not None else value
+
+    @property
+    def worse_share(self) -> float | None:
+        """Share of the scenarios that may be worse than what a gait is worth; None for the mean."""
+        if isinstance(self.over_scenarios, Quantile):
+            return self.over_scenarios.quantile
+        return 0.0 if self.over_scenarios == "worst" else None
 
 
 class Planar(_Record):
@@ -453,17 +479,17 @@ def load_problem(reference: str | Path, parameters: Mapping[str, float] | None =
 
 
 def _problem_path(reference: str) -> Path:
+    """Return the problem file; an unrelated folder of the same name does not hide a bundled problem."""
     path = Path(reference)
-    if path.is_dir():
-        inside = path / PROBLEM_FILE
-        if not inside.is_file():
-            raise GaitoptError(f"{path}: no {PROBLEM_FILE} in this folder")
-        return inside
+    if (path / PROBLEM_FILE).is_file():
+        return path / PROBLEM_FILE
     if path.is_file():
         return path
     bundled = bundled_problems()
     if re.fullmatch(r"[A-Za-z0-9_.-]+", reference) and (bundled / reference / PROBLEM_FILE).is_file():
         return bundled / reference / PROBLEM_FILE
+    if path.is_dir():
+        raise GaitoptError(f"{path}: no {PROBLEM_FILE} in this folder")
     names = sorted(folder.parent.name for folder in bundled.glob(f"*/{PROBLEM_FILE}"))
     raise GaitoptError(
         f"{reference}: no such problem; allowed: a folder with {PROBLEM_FILE}, a problem TOML, "

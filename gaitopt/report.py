@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +17,16 @@ from gaitopt import plots
 from gaitopt.errors import GaitoptError
 from gaitopt.files import write_text, write_with
 from gaitopt.gait import Gait
-from gaitopt.metrics import measure
 from gaitopt.model import Robot
 from gaitopt.optimise.run import Optimised
-from gaitopt.problem import Problem
+from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, Sensitivity
+from gaitopt.problem import Objective, Problem
 from gaitopt.results import RunFolder, new_folder, to_json, write_into
 from gaitopt.rollout import Simulator
 from gaitopt.trajectory import Trajectory
 
 _DPI = 240
 """Of a figure 6.6 inches wide: enough for print."""
-
-_STEP = 0.05
-"""Step of the sensitivities, as a share of a coordinate's range."""
 
 _LOOP_S = 3.0
 """A film in a report shows whole cycles that last at least this long."""
@@ -37,7 +35,12 @@ Pictures = dict[str, tuple[Figure, str]]
 
 
 def write_report(
-    folder: RunFolder, problem: Problem, optimised: Optimised, summary: Mapping[str, Any], full: bool = False
+    folder: RunFolder,
+    problem: Problem,
+    optimised: Optimised,
+    summary: Mapping[str, Any],
+    full: bool = False,
+    sensitive: Sequence[Sensitivity] = (),
 ) -> None:
     """Write ``report.html`` and ``figures/`` of a run of `optimise`.
 
@@ -46,11 +49,14 @@ def write_report(
         problem: its problem.
         optimised: what was found.
         summary: the content of ``summary.json``.
-        full: add what takes longer: a film of the winner and the sensitivities of its speed.
+        full: add what takes longer: a film of the winner.
+        sensitive: the sensitivities of its speed, where they were asked for.
     """
     simulator = Simulator.build(problem)
     films, notes = _film(folder.path, simulator, optimised, summary) if full else ([], [])
     best = optimised.best.gait
+    pictures = _pictures(simulator, optimised, summary)
+    pictures |= _front_picture(optimised) | _sensitivity_pictures(sensitive)
     content = {
         "title": f"{problem.name}: optimised gait against hand-tuned gaits",
         "asked": _asked(problem, summary),
@@ -58,14 +64,17 @@ def write_report(
         "notes": [*summary["notes"], *notes],
         "tables": [_speed_table(summary), _metric_table(summary)],
         "films": films,
-        "figures": save_figures(folder.path, _pictures(simulator, optimised, summary, full)),
+        "figures": save_figures(folder.path, pictures),
         "blocks": [{"title": "The optimised gait (best.toml)", "text": best.to_toml()}],
     }
+    if sensitive:
+        rows = [asdict(one) for one in sensitive]
+        folder.file("sensitivity.json", lambda path: write_text(path, to_json({"rows": rows})))
     text = render("run.html", **content)
     folder.file("report.html", lambda path: write_text(path, text))
 
 
-def _pictures(simulator: Simulator, optimised: Optimised, summary: Mapping[str, Any], full: bool) -> Pictures:
+def _pictures(simulator: Simulator, optimised: Optimised, summary: Mapping[str, Any]) -> Pictures:
     problem, best = simulator.problem, optimised.best.gait
     robot = Robot.of(simulator.models[0])
     trajectories = nominal_trajectories(problem, {"best": best, **problem.baselines})
@@ -103,33 +112,42 @@ def _pictures(simulator: Simulator, optimised: Optimised, summary: Mapping[str, 
         "some. Crosses violate a constraint; the best so far counts violations too, so it may step down to a "
         "slower gait that has none. Horizontal lines are the hand-tuned gaits.",
     )
-    if full:
-        pictures["sensitivity"] = (
-            plots.sensitivity(_sensitivities(simulator, best), _STEP),
-            f"How the speed of the optimised gait on the nominal robot changes when one of its numbers moves "
-            f"by {_STEP:.0%} of its range. Long bars are what to set with care on the robot.",
-        )
     return pictures
 
 
-def _sensitivities(simulator: Simulator, gait: Gait) -> dict[str, tuple[float, float]]:
-    """Return by coordinate of the gait space the change of speed a step down and a step up, m/s."""
-    space = simulator.problem.space
-    robot, point = Robot.of(simulator.models[0]), space.encode(gait)
+def _front_picture(optimised: Optimised) -> Pictures:
+    if not optimised.request.pareto:
+        return {}
+    baselines = {
+        found.gait.name: (found.speed, found.evaluation.metrics["cost_of_transport"])
+        for found in optimised.baselines
+    }
+    return {
+        "pareto": (
+            plots.front(optimised.entries, optimised.front, baselines),
+            "Speed against cost of transport (energy per weight and distance). A gait on the front is beaten "
+            "by no other in both; its numbers are in pareto.csv, and each is a gait file in pareto/.",
+        )
+    }
 
-    def speed(moved: Gait) -> float:
-        trajectory = simulator.run(moved)
-        return measure(simulator.problem, moved, trajectory, robot)["speed_m_s"]
 
-    nominal, changes = speed(gait), {}
-    for index, variable in enumerate(space.variables):
-        ends = []
-        for step in (-_STEP, _STEP):
-            moved = point.copy()
-            moved[index] += step
-            ends.append(speed(space.decode(moved)) - nominal)
-        changes[variable.name] = (ends[0], ends[1])
-    return changes
+def _sensitivity_pictures(sensitive: Sequence[Sensitivity]) -> Pictures:
+    said = {
+        "gait": (f"{GAIT_STEP:.0%} of its range", "its numbers", "what to set with care on the robot"),
+        "model": (f"{MODEL_STEP:.0%} of its value", "the model's parameters", "what is worth measuring well"),
+    }
+    names = {"gait": "sensitivity", "model": "sensitivity-model"}
+    pictures: Pictures = {}
+    for kind, (step, numbers, lesson) in said.items():
+        chosen = [one for one in sensitive if one.kind == kind]
+        if chosen:
+            pictures[names[kind]] = (
+                plots.sensitivity(chosen, step),
+                f"How the speed of the optimised gait changes when one of {numbers} moves by {step}, in the "
+                f"mean over scenarios that are the same for all. Long bars are {lesson}; where the black "
+                "interval crosses 0, up and down differ by no more than noise.",
+            )
+    return pictures
 
 
 def _film(
@@ -302,8 +320,15 @@ def _asked(problem: Problem, summary: Mapping[str, Any]) -> str:
     started = "from planned gaits" if summary["warm_start"] else "cold"
     return (
         f"{problem.name}, seed {summary['seed']}: {summary['evaluations']} gaits by method "
-        f"{summary['method']!r}, started {started}, for {terms}, with limits on {limits}"
+        f"{summary['method']!r}, started {started}, for {terms}, with limits on {limits}{_rule(objective)}"
     )
+
+
+def _rule(objective: Objective) -> str:
+    share = objective.worse_share
+    if share is None:
+        return ""
+    return f", by its {share:.0%} quantile over scenarios" if share else ", by its worst scenario"
 
 
 def _speed_table(summary: Mapping[str, Any]) -> dict[str, Any]:

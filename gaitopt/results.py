@@ -7,9 +7,10 @@ import math
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import IO, Any
@@ -20,6 +21,8 @@ from gaitopt.errors import GaitoptError, bad_value
 from gaitopt.files import read_text, read_toml, write_text, write_with
 from gaitopt.gait import write_gait
 from gaitopt.model import model_assets, nominal_mjcf
+from gaitopt.optimise.journal import gait_columns
+from gaitopt.optimise.pareto import FrontGait, speed, transport
 from gaitopt.optimise.run import Optimised, Request
 from gaitopt.optimise.verification import Verified
 from gaitopt.problem import PROBLEM_FILE, Problem, load_problem
@@ -86,6 +89,7 @@ class RunFolder:
         if not (path / _REQUEST_FILE).is_file():
             raise GaitoptError(f"--resume: {path}: not a run folder (no {_REQUEST_FILE})")
         values = read_toml(path / _REQUEST_FILE)
+        values = {"pareto": False} | values  # which runs of earlier versions do not name
         for key, default in asdict(Request()).items():
             if key not in values:
                 raise GaitoptError(f"{path / _REQUEST_FILE}: {key}: missing; it is required")
@@ -163,6 +167,11 @@ class RunFolder:
         """Write the best gait and the summary, and return the summary."""
         summary = summary_of(problem, optimised)
         self.file("best.toml", lambda p: write_gait(p, optimised.best.gait))
+        if optimised.request.pareto:
+            self.file("pareto.csv", lambda p: write_text(p, front_csv(problem, optimised.front)))
+        for found in optimised.front:
+            gait = found.verified.gait
+            self.file(f"pareto/{gait.name}.toml", partial(write_gait, gait=gait))
         self.file("summary.json", lambda p: write_text(p, to_json(summary)))
         return summary
 
@@ -183,6 +192,8 @@ def summary_of(problem: Problem, optimised: Optimised) -> dict[str, Any]:
         "wall_s": optimised.wall_s,
         "baselines": [_row(baseline) for baseline in optimised.baselines],
         "warm_start": _warm_start(optimised),
+        "over_scenarios": problem.to_dict()["objective"]["over_scenarios"],
+        "pareto": [_front_row(found) for found in optimised.front] if optimised.request.pareto else None,
         "notes": list(optimised.notes),
         "best": _row(best) | {"found_by": optimised.found_by},
         "verified": {
@@ -194,6 +205,40 @@ def summary_of(problem: Problem, optimised: Optimised) -> dict[str, Any]:
         "ratio_to_best_baseline": _ratio(best.speed, fastest),
         "ratio_to_best_feasible_baseline": _ratio(best.speed, max(feasible, default=math.nan)),
     }
+
+
+def _front_row(found: FrontGait) -> dict[str, Any]:
+    verified = found.verified
+    low, high = verified.speed_ci90
+    return {
+        "name": verified.gait.name,
+        "evaluation": found.entry.index,
+        "speed_m_s": verified.speed,
+        "speed_ci90_low_m_s": low,
+        "speed_ci90_high_m_s": high,
+        "speed_worst_m_s": verified.worst,
+        "cost_of_transport": verified.evaluation.metrics["cost_of_transport"],
+        "constraints_met": verified.evaluation.constraints_met,
+        "on_front": found.efficient,
+        "searched_speed_m_s": speed(found.entry),
+        "searched_cost_of_transport": transport(found.entry),
+    }
+
+
+def front_csv(problem: Problem, front: Sequence[FrontGait]) -> str:
+    """Return the gaits of speed against cost of transport as a CSV table, with what they are made of."""
+    head = "name,evaluation,speed_m_s,speed_ci90_low_m_s,speed_ci90_high_m_s,speed_worst_m_s,"
+    head += "cost_of_transport,constraints_met,on_front,searched_speed_m_s,searched_cost_of_transport"
+    lines = [",".join([head, "period_s", *gait_columns(problem)])]
+    for found in front:
+        gait = found.verified.gait
+        shape = [value for channel in gait.channels.values() for value in channel.model_dump().values()]
+        lines.append(",".join(_csv_cell(v) for v in [*_front_row(found).values(), gait.period_s, *shape]))
+    return "\n".join(lines) + "\n"
+
+
+def _csv_cell(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _warm_start(optimised: Optimised) -> dict[str, Any] | None:

@@ -1,15 +1,20 @@
 """The objective: named terms, named constraints, all reported."""
 
 import math
+from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gaitopt.errors import GaitoptError
+from gaitopt.files import validated
 from gaitopt.metrics import METRICS, Metrics
+from gaitopt.model import nominal_mjcf
 from gaitopt.objective import FAILED_COST, check_objective, evaluate
-from gaitopt.problem import Objective, Problem
+from gaitopt.problem import Objective, Problem, ProblemFile, load_problem
+from gaitopt.results import write_problem
 
 
 def aiming(problem: Problem, **objective: object) -> Problem:
@@ -50,6 +55,61 @@ def test_constraints_hold_for_the_mean_over_scenarios(strider: Problem) -> None:
     rows = [row(problem, airtime=0.0), row(problem, airtime=0.15)]
     assert evaluate(problem, rows, ["ok", "ok"]).constraints_met
     assert not evaluate(problem, rows[1:], ["ok"]).constraints_met
+
+
+def test_the_worst_scenario_or_a_quantile_counts_where_the_problem_says_so(strider: Problem) -> None:
+    """Of the cost and of each limit; the metrics reported stay means."""
+    limits = {"airtime": {"max": 0.1, "scale": 0.1}}
+    values = [(0.5, 0.1), (0.2, 0.0), (0.4, 0.0), (0.3, 0.3), (0.1, 0.2)]
+    rows = [row(strider, speed_m_s=speed, airtime=airtime) for speed, airtime in values]
+    expected: dict[object, tuple[float, float]] = {
+        "worst": (-0.1, 2.0),
+        0.0: (-0.1, 2.0),
+        0.25: (-0.2, 1.0),
+        0.3: (-0.22, 0.8),
+        0.5: (-0.3, 0.0),
+        "mean": (-0.3, 0.2),
+    }
+    for rule, (cost, violation) in expected.items():
+        asked = rule if isinstance(rule, str) else {"quantile": rule}
+        aims = {"terms": {"speed_m_s": -1.0}, "constraints": limits, "penalty": 2.0}
+        evaluation = evaluate(aiming(strider, over_scenarios=asked, **aims), rows, ["ok"] * 5)
+        assert evaluation.violations == pytest.approx({"airtime": violation}, abs=1e-9), rule
+        assert evaluation.cost == pytest.approx(cost + 2.0 * violation), rule
+        assert evaluation.metrics["speed_m_s"] == pytest.approx(0.3)
+
+
+def test_mean_is_the_default_and_changes_no_bit(strider: Problem) -> None:
+    rows = [row(strider, speed_m_s=1.0 / (3.0 + i), power_w=0.1 * i) for i in range(7)]
+    terms = {"speed_m_s": -1.0, "power_w": 0.3}
+    default, mean = aiming(strider, terms=terms), aiming(strider, terms=terms, over_scenarios="mean")
+    means = [float(np.mean([row[name] for row in rows])) for name in terms]
+    expected = -1.0 * means[0] + 0.3 * means[1]
+    assert evaluate(default, rows, ["ok"] * 7).cost == evaluate(mean, rows, ["ok"] * 7).cost == expected
+
+
+def test_an_infinite_cost_of_one_scenario_is_a_failure_of_no_other_kind(strider: Problem) -> None:
+    rows = [row(strider, cost_of_transport=value) for value in (1.0, math.inf)]
+    for rule in ("worst", {"quantile": 0.25}, {"quantile": 0.5}):
+        problem = aiming(strider, terms={"cost_of_transport": 1.0}, over_scenarios=rule)
+        assert evaluate(problem, rows, ["ok", "ok"]).cost == FAILED_COST
+
+
+@pytest.mark.parametrize("rule", ["median", {"quantile": 0.6}, {"quantile": True}, {"share": 0.1}, 0.2])
+def test_a_wrong_rule_over_scenarios_is_one_line(strider: Problem, rule: object) -> None:
+    content = strider.to_dict() | {"objective": {"terms": {"speed_m_s": -1.0}, "over_scenarios": rule}}
+    with pytest.raises(GaitoptError) as error:
+        validated(ProblemFile, content, "problem.toml")
+    assert str(error.value) == (
+        f"problem.toml: objective.over_scenarios: found {rule!r}; "
+        'allowed: "mean", "worst" or { quantile = 0 to 0.5 }'
+    )
+
+
+def test_the_rule_over_scenarios_survives_a_run_folder(strider: Problem, tmp_path: Path) -> None:
+    problem = aiming(strider, terms={"speed_m_s": -1.0}, over_scenarios={"quantile": 0.2})
+    write_problem(tmp_path, problem, nominal_mjcf(problem))
+    assert load_problem(tmp_path).file.objective == problem.file.objective
 
 
 def test_every_constraint_is_reported(strider: Problem) -> None:

@@ -1,5 +1,6 @@
 """Pages and figures: what they say, and that they need nothing else."""
 
+import json
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from gaitopt import cli, plots
 from gaitopt.completion import SHELLS, completion_script
 from gaitopt.errors import GaitoptError
 from gaitopt.model import Robot
+from gaitopt.optimise.sensitivity import Sensitivity
 from gaitopt.problem import Problem
 from gaitopt.rollout import Simulator
 from gaitopt.video import opengl_is_missing
@@ -59,9 +61,12 @@ def test_a_full_report_has_a_film_and_sensitivities(tmp_path: Path) -> None:
     assert (
         cli.main(["optimise", str(STRIDER), "--budget", "4", "--full", "--out", str(folder), "--quiet"]) == 0
     )
-    names = {"speeds", "position", "periods", "gait", "angles", "convergence", "sensitivity", "walk"}
+    names = {"speeds", "position", "periods", "gait", "angles", "convergence", "walk"}
+    names |= {"sensitivity", "sensitivity-model"}
     page = page_of(folder, names)
     assert "data:image/webp" in page
+    rows = json.loads((folder / "sensitivity.json").read_text())["rows"]
+    assert {row["kind"] for row in rows} == {"gait", "model"}
     assert "stride" in page
 
 
@@ -83,7 +88,7 @@ def test_every_axis_has_a_unit(strider: Problem) -> None:
         plots.gait_diagram(strider, gait, trajectory, robot),
         plots.angles(strider, gait, trajectory, robot),
         plots.speeds(rows),
-        plots.sensitivity({"x": (0.001, -0.002)}, 0.05),
+        plots.sensitivity([Sensitivity("x", "gait", 0.001, -0.002, -0.0015, 0.001)], "5% of its range"),
     ]
     for figure in figures:
         labels = [axes.get_xlabel() for axes in figure.axes] + [axes.get_ylabel() for axes in figure.axes]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +18,7 @@ from gaitopt.diagnose.floor import Floors
 from gaitopt.diagnose.hypotheses import hypotheses
 from gaitopt.diagnose.nuisances import nuisance_robots
 from gaitopt.diagnose.residual import view
+from gaitopt.errors import GaitoptError
 from gaitopt.rollout import Simulator
 
 NO_GAP = 1.8
@@ -36,8 +37,15 @@ _PAIR_ERRORS = 1.0
 _PAIR_GAIN = 0.6
 """Share of the loss of one effect that two may leave at most."""
 
+_IMPROVED = 0.85
+"""Share of the nominal loss that the best rival may leave at most: the best of many is a little better by
+chance."""
+
 _LITTLE = 0.3
-"""Less shrinkage than this explains nothing."""
+"""A smaller part of the whitened residual explains nothing."""
+
+_UNLIKE_NOMINAL = 0.04
+"""What is left counts above this share of the nominal loss: nuisances grow with an effect."""
 
 
 @dataclass(frozen=True)
@@ -150,11 +158,11 @@ def find_causes(
     simulator: Simulator,
     trials: Sequence[Aligned],
     floors: Sequence[Floors],
-    significant: bool,
     floor_m: float,
     executor: Executor,
     seed: int,
     note: Note,
+    among: Collection[str] | None = None,
 ) -> Causes:
     """Fit and judge every rival.
 
@@ -162,24 +170,27 @@ def find_causes(
         simulator: the nominal robot.
         trials: the trials beside the nominal prediction.
         floors: floor of each signal of each.
-        significant: whether any trial's gap is above its floor by far.
         floor_m: the marker's floor over all trials, m.
         executor: where robots are simulated.
         seed: seed of what is random.
         note: called as it goes.
+        among: effects to try; None for all that apply.
     """
     ready, nominal = prepared(simulator, trials, floors, executor, seed)
     none = evidence.nothing(ready, nominal)
-    if evidence.left(ready, none) <= NO_GAP or not significant:
+    if evidence.left(ready, none) <= NO_GAP:
         return Causes(ready, nominal, none, (), np.empty(0), "no_gap", [], [], 0.0, 1.0, None, seed, 0)
     known = any(aligned.trial.starts_at_s is not None for aligned in trials)
     active = [setting.effect.name for setting in simulator.effects.settings]
     rivals = hypotheses(simulator.effects.nominal, simulator.problem.channel_names, known, active)
+    rivals = [rival for rival in rivals if among is None or rival.effect.name in among]
     fits = fit_all(ready, rivals, nominal, executor, note)
     singles = [evidence.single(fit) for fit in fits if len(fit.points) > 1]
+    if not singles:
+        raise GaitoptError("no effect can be tried: none of those asked for applies to this robot")
     best = min(singles, key=lambda rival: float(rival.held_out.sum()))
     doubles = []
-    if evidence.left(ready, best) > LEFT:
+    if _remains(ready, best, none) > LEFT:
         doubles = [evidence.double(pair) for pair in fit_pairs(fits, nominal, executor, note)]
     return conclude(ready, nominal, none, singles, doubles, floor_m, seed)
 
@@ -205,15 +216,15 @@ def conclude(
     first = rivals[0]
     chance_alone = evidence.p_value(ready, first, none, seed)
     gap = evidence.gap_of(ready, nominal, first, floor_m, seed)
-    remains = evidence.left(ready, first)
+    remains = _remains(ready, first, none)
     other = 1.0 / (1.0 + (_OTHER_HALF / max(remains, 1e-9)) ** _OTHER_SLOPE)
-    improves = chance_alone <= SIGNIFICANCE and first.held_out.sum() < 0.75 * none.held_out.sum()
+    improves = chance_alone <= SIGNIFICANCE and first.held_out.sum() < _IMPROVED * none.held_out.sum()
     causes, rest = _named(rivals, chances, two)
     if not improves:
         verdict, causes, rest = "unexplained", [], []
     elif remains > LEFT:
-        little = gap.shrinkage is not None and gap.shrinkage < _LITTLE
-        verdict = "unexplained" if little else "partly_explained"
+        explained = 1.0 - float(np.sqrt(first.held_out.sum() / none.held_out.sum()))
+        verdict = "unexplained" if explained < _LITTLE else "partly_explained"
     else:
         verdict = "ambiguous" if rest else "explained"
     robots = sum(len(r.fits[0].points) for r in singles)
@@ -223,25 +234,28 @@ def conclude(
     )  # fmt: skip
 
 
+def _remains(ready: Bench, rival: Rival, none: Rival) -> float:
+    """Return the mean whitened square left of the worst trial, a small share of the nominal one let pass."""
+    before = evidence.left_by_trial(ready, none)
+    after = evidence.left_by_trial(ready, rival)
+    return max(after[t] / max(1.0, _UNLIKE_NOMINAL * before[t]) for t in after)
+
+
 def _needed(ready: Bench, one: Rival, both: Rival) -> bool:
     """Whether two effects foretell enough more than one."""
     less = float(both.held_out.sum()) < _PAIR_GAIN * float(one.held_out.sum())
     return less and evidence.better_by(ready, both, one) > _PAIR_ERRORS
 
 
-def _named(
-    rivals: Sequence[Rival], chances: NDArray[np.float64], two: bool
-) -> tuple[list[str], list[str]]:
+def _named(rivals: Sequence[Rival], chances: NDArray[np.float64], two: bool) -> tuple[list[str], list[str]]:
     """Return the effects blamed, and those that cannot be told from them."""
     if not two:
         names = evidence.answer_set(evidence.by_effect(rivals, chances))
         return names[:1], names[1:]
     first = rivals[0].names
-    kept = {name: 0.0 for name in first}
+    kept = dict.fromkeys(first, 0.0)
     for rival, chance in zip(rivals, chances.tolist(), strict=True):
         if chance >= evidence.IN_SET * float(chances[0]):
             for name in rival.names:
                 kept[name] = kept.get(name, 0.0) + chance
     return list(first), [name for name in kept if name not in first]
-
-

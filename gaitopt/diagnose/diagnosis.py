@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from gaitopt.diagnose.align import Aligned, align, is_marker, pooled_marker_rms
+from gaitopt.diagnose.causes import Causes, find_causes
 from gaitopt.diagnose.cleaning import Cleaned, clean
 from gaitopt.diagnose.dataset import DataSet
 from gaitopt.diagnose.defects import Defect
+from gaitopt.diagnose.experiment import Experiment, propose
+from gaitopt.diagnose.fitting import Note
 from gaitopt.diagnose.floor import Floors, marker_floor, measure_floors
 from gaitopt.diagnose.mismatches import mismatches
 from gaitopt.diagnose.predict import predict
@@ -91,6 +94,8 @@ class Diagnosis:
         seed: seed of the start poses of the floor.
         fidelity: timestep and integrator used.
         trials: the trials in the data set's order.
+        found: what may have caused the gap; None where no effect was tried.
+        experiment: what to measure next; None where there is nothing to tell apart.
     """
 
     problem: str
@@ -98,22 +103,51 @@ class Diagnosis:
     seed: int
     fidelity: Mapping[str, Any]
     trials: tuple[TrialGap, ...]
+    found: Causes | None = None
+    experiment: Experiment | None = None
 
     @property
-    def causes(self) -> list[str]:
+    def defective(self) -> list[str]:
         """Defects of the record that make a significant gap by themselves."""
         blamed = {defect.name for trial in self.trials for defect in trial.blamed}
         return [name for name in CAUSES if name in blamed]
 
     @property
+    def causes(self) -> list[str]:
+        """Effects and defects of the record that are blamed."""
+        return [*(self.found.causes if self.found else []), *self.defective]
+
+    @property
+    def significant(self) -> bool:
+        """Whether any trial has a gap that its floor does not explain."""
+        return any(trial.significant for trial in self.trials)
+
+    @property
     def verdict(self) -> str:
-        """The answer, as far as it is known without fitting any effect."""
-        if any(trial.significant for trial in self.trials):
+        """The answer."""
+        if self.found is not None and self.found.verdict != "no_gap":
+            return self.found.verdict
+        if self.found is None and self.significant:
             return "unexplained"
-        return "explained" if self.causes else "no_gap"
+        return "explained" if self.defective else "no_gap"
 
     @property
     def gap(self) -> dict[str, Any]:
+        """RMS marker error over all trials, m: nominal, and held out with the cause that was found."""
+        located = self.located_gap
+        if self.found is None or self.found.gap is None:
+            return located
+        fitted = self.found.gap
+        return {
+            "heldout_before_m": fitted.before,
+            "heldout_after_m": fitted.after,
+            "floor_m": fitted.floor,
+            "shrinkage": fitted.shrinkage,
+            "shrinkage_ci90": list(fitted.ci90),
+        }
+
+    @property
+    def located_gap(self) -> dict[str, Any]:
         """RMS marker error over all trials, without fitting: after is before, but for defects blamed."""
         after = pooled_marker_rms([trial.aligned for trial in self.trials])
         samples = [len(trial.aligned.time) for trial in self.trials]
@@ -163,18 +197,58 @@ class Diagnosis:
             "fidelity": dict(self.fidelity),
             "verdict": self.verdict,
             "causes": self.causes,
-            "ambiguous_with": [],
-            "other_probability": None,
-            "effects": [],
+            "ambiguous_with": list(self.found.ambiguous_with) if self.found else [],
+            "other_probability": self.found.other_probability if self.found else None,
+            "p_value": self.found.p_value if self.found else None,
+            "effects": self.found.effects if self.found else [],
             "where": self.where,
             "gap": self.gap,
-            "next_experiment": None,
+            "next_experiment": self.experiment.to_dict() if self.experiment else None,
             "trials": [_trial_row(trial) for trial in self.trials],
             "defects": [defect.to_dict() for trial in self.trials for defect in trial.defects],
         }
 
 
-def diagnose(simulator: Simulator, dataset: DataSet, executor: Executor, seed: int) -> Diagnosis:
+def diagnose(
+    simulator: Simulator,
+    dataset: DataSet,
+    executor: Executor,
+    seed: int,
+    note: Note = lambda what, done: None,
+    next_gait: bool = True,
+    among: Collection[str] | None = None,
+) -> Diagnosis:
+    """Return where the gap lies, what causes it and what to measure next.
+
+    Args:
+        simulator: the nominal robot, its scenario 0, at the fidelity to use.
+        dataset: the data set.
+        executor: where rollouts run.
+        seed: seed of all randomness.
+        note: called as it goes.
+        next_gait: whether to look for the next experiment.
+        among: effects to try; None for all that apply.
+
+    Raises:
+        GaitoptError: a trial has fewer than two cycles left, or the simulation of its gait fails.
+    """
+    note("measuring the floor", 0)
+    located = locate(simulator, dataset, executor, seed)
+    parts = [trial.aligned for trial in located.trials], [trial.floors for trial in located.trials]
+    floor = located.located_gap["floor_m"]
+    found = find_causes(simulator, *parts, floor, executor, seed, note, among)
+    if found.verdict == "no_gap" or not next_gait:
+        return replace(located, found=found)
+    note("looking for the next gait", found.robots)
+    gaits = {trial.aligned.trial.gait.name: trial.aligned.trial.gait for trial in located.trials}
+    signals = list(dict.fromkeys(name for trial in located.trials for name in trial.floors))
+    experiment = propose(
+        simulator.problem, simulator, found.surviving, list(gaits.values()), signals, executor, seed
+    )
+    return replace(located, found=found, experiment=experiment)
+
+
+def locate(simulator: Simulator, dataset: DataSet, executor: Executor, seed: int) -> Diagnosis:
     """Return where the gap between a data set and the nominal robot lies.
 
     Args:

@@ -305,8 +305,8 @@ def gap_of(bench: Bench, nominal: Point, rival: Rival, floor: float, seed: int) 
     axes = max(1, sum(name.startswith("marker.") for name in bench.views[0].rows))
     count = bench.count
     samples = np.bincount(bench.sample_blocks, minlength=count) / axes
-    before = np.bincount(bench.sample_blocks, nominal.apart**2, minlength=count)
-    after = np.bincount(bench.sample_blocks, rival.apart**2, minlength=count)
+    before: Array = np.bincount(bench.sample_blocks, nominal.apart**2, minlength=count).astype(float)
+    after: Array = np.bincount(bench.sample_blocks, rival.apart**2, minlength=count).astype(float)
 
     def rms(squares: Array, weights: Array) -> float:
         total = float(weights @ samples)

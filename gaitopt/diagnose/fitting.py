@@ -33,7 +33,7 @@ _PER_INTERVAL = 24
 _REACH = 1.0
 """How far beyond the outermost simulated points the curve goes on, in distances to their neighbours."""
 
-ROUNDS = (26, 18, 14, 10, 8, 6, 5, 4, 4)
+ROUNDS = (22, 16, 12, 8, 6, 5, 4, 4, 3, 3)
 """How many hypotheses are fitted further, round by round."""
 
 _TOLERANCE = 0.004
@@ -93,11 +93,12 @@ class Bench:
     @property
     def rows_of_blocks(self) -> Array:
         """Rows in each block, shape (blocks,)."""
-        return np.bincount(self.blocks, minlength=self.count).astype(float)
+        counts: Array = np.bincount(self.blocks, minlength=self.count).astype(float)
+        return counts
 
     def losses(self, one: Array, other: Array) -> Array:
         """Return the inner product of two whitened residuals, block by block, shape (blocks,)."""
-        sums: Array = np.bincount(self.blocks, one * other, minlength=self.count)
+        sums: Array = np.bincount(self.blocks, one * other, minlength=self.count).astype(float)
         return sums
 
     def point(self, at: Sequence[float], trajectories: Sequence[Trajectory]) -> Point | None:
@@ -309,8 +310,7 @@ def _curve(fit: Fit) -> Curve:
             room = min(_REACH, (fit.hypothesis.high - float(high.at[0])) / gap)
             share = np.concatenate([share, [1.0], 1.0 - _beyond(-room)[::-1]])
         own, mixed, other = (
-            bench.losses(a.whitened, b.whitened)[:, None]
-            for a, b in ((low, low), (low, high), (high, high))
+            bench.losses(a.whitened, b.whitened)[:, None] for a, b in ((low, low), (low, high), (high, high))
         )
         losses.append((1.0 - share) ** 2 * own + 2.0 * share * (1.0 - share) * mixed + share**2 * other)
         at.append(low.at[0] + share * gap)

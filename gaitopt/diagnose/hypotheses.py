@@ -6,9 +6,6 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gaitopt.effects import EFFECTS, Effect
 from gaitopt.effects.active import Values
 from gaitopt.effects.effect import ALL, Parts
@@ -16,9 +13,11 @@ from gaitopt.effects.effect import ALL, Parts
 RECORD_DEFECTS = ("clock_rounding", "marker_outliers")
 """Effects that are found in the record itself, before anything is fitted."""
 
-_TWO_SIDED = (0.12, 0.4)
-_ONE_SIDED = (0.12, 0.4)
-"""Shares of the way from neutral to a bound at which a hypothesis is screened."""
+_SCREENED = 0.2
+"""Share of the way from neutral to a bound at which a hypothesis is screened first."""
+
+_OBSERVED = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
+"""Shares tried where no simulation is needed."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +68,7 @@ class Hypothesis:
     def screened(self) -> list[float]:
         """Coordinates at which the hypothesis is tried first: at several step sizes, off the bounds."""
         sides = [bound for bound in (self.low, self.high) if abs(bound - self.neutral) > 1e-9]
-        steps = _TWO_SIDED if len(sides) == 2 else _ONE_SIDED
-        if self.effect.observe is not None:
-            steps = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
+        steps = (_SCREENED,) if self.effect.observe is None else _OBSERVED
         points = [self.neutral + step * (bound - self.neutral) for bound in sides for step in steps]
         return sorted(points)
 
@@ -113,8 +110,3 @@ def _hypothesis(effect: Effect, target: str, parts: Parts) -> Hypothesis:
         low, high = math.log(low), math.log(high)
         neutral = math.log(neutral) if neutral > 0.0 else -math.inf
     return Hypothesis(effect, target, low, high, min(max(neutral, low), high), parts)
-
-
-def spread_over(low: float, high: float, count: int) -> NDArray[np.float64]:
-    """Return evenly spaced coordinates, shape (count,)."""
-    return np.linspace(low, high, count)

@@ -27,8 +27,11 @@ from gaitopt.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-BINS = 24
+BINS = 20
 """Bins a cycle, where frames allow."""
+
+MOST_BINS = 160
+"""Bins a trial at most: the covariance is a dense matrix."""
 
 _ORIGIN_M = 0.05
 _REMAINDER = 0.35
@@ -71,7 +74,7 @@ class View:
         rows: for each signal, the row of each sample that counts.
         counts: samples in each row, shape (n,).
         measured: mean of each row, m or rad, shape (n,).
-        factor: lower Cholesky factor of the covariance, shape (n, n).
+        whitener: inverse of the lower Cholesky factor of the covariance, shape (n, n).
         cycles: cycle of each row, from 0, shape (n,).
     """
 
@@ -79,7 +82,7 @@ class View:
     rows: dict[str, NDArray[np.intp]]
     counts: Array
     measured: Array
-    factor: Array
+    whitener: Array
     cycles: NDArray[np.intp]
 
     @property
@@ -93,7 +96,7 @@ class View:
 
     def whiten(self, rows: Array) -> Array:
         """Return rows of unit variance."""
-        white: Array = solve_triangular(self.factor, rows, lower=True, check_finite=False)
+        white: Array = self.whitener @ rows
         return white
 
     def compare(self, trajectory: Trajectory) -> Compared | None:
@@ -113,9 +116,10 @@ class View:
             later = self.means(trajectory, offset + _DIFFERENCE_S)
             sooner = self.means(trajectory, offset - _DIFFERENCE_S)
             slope = self.whiten((later - sooner) / (2.0 * _DIFFERENCE_S))
-            step = float(np.clip(white @ slope / max(slope @ slope, 1e-12), -most, most))
+            wanted = float(white @ slope) / max(float(slope @ slope), 1e-12)
+            step = min(max(wanted, -most), most)
             tried = self.whiten(self.measured - self.means(trajectory, offset + step))
-            if tried @ tried >= white @ white:
+            if float(tried @ tried) >= float(white @ white):
                 break
             offset, white = offset + step, tried
             if abs(step) < 1e-4:
@@ -142,7 +146,8 @@ def view(aligned: Aligned, floors: Floors, drawn: Sequence[Trajectory]) -> View:
         drawn: predictions of the trial by robots that differ in what nobody knows exactly.
     """
     trial = aligned.trial
-    width = max(trial.period / BINS, trial.frame_s)
+    span = float(aligned.time[-1] - aligned.time[0])
+    width = max(trial.period / BINS, trial.frame_s, span / MOST_BINS)
     bins = {name: np.floor(aligned.time[trial.used[name]] / width).astype(int) for name in trial.signals}
     keys = sorted({(int(b), i) for i, name in enumerate(bins) for b in np.unique(bins[name])})
     place = {key: row for row, key in enumerate(keys)}
@@ -167,7 +172,9 @@ def view(aligned: Aligned, floors: Floors, drawn: Sequence[Trajectory]) -> View:
         covariance += np.outer(late - nominal, late - nominal)
     first = int(np.floor(time[0] / trial.period))
     cycles = np.floor(time / trial.period).astype(np.intp) - first
-    return View(aligned, rows, counts, measured / counts, cholesky(covariance, lower=True), cycles)
+    factor = cholesky(covariance, lower=True)
+    whitener = np.ascontiguousarray(solve_triangular(factor, np.eye(len(factor)), lower=True))
+    return View(aligned, rows, counts, measured / counts, whitener, cycles)
 
 
 def _means(

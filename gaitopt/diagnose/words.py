@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from gaitopt.diagnose.align import is_marker
 from gaitopt.diagnose.diagnosis import SIGNIFICANT, Diagnosis, TrialGap
 from gaitopt.diagnose.floor import marker_floor
@@ -28,18 +30,76 @@ def answer(diagnosis: Diagnosis) -> str:
     figures = f"{_mm(gap['heldout_before_m'])} RMS of the marker, floor {_mm(gap['floor_m'])}"
     if diagnosis.verdict == "no_gap":
         return f"No significant gap: {figures}."
-    if diagnosis.verdict == "explained":
+    if diagnosis.verdict == "explained" and not (diagnosis.found and diagnosis.found.causes):
         return f"The gap ({figures}) is in the recordings: {', '.join(diagnosis.causes)}."
     first = diagnosis.where[0]
+    if diagnosis.found is not None and diagnosis.found.rivals:
+        return f"{_VERDICTS[diagnosis.verdict].format(*_who(diagnosis))} The gap: {_before_after(gap)}."
     return (
         f"There is a gap: {figures}. The largest part of it is {first['component']} of {first['signal']} in "
         f"trial {first['trial']} ({first['share']:.0%})."
     )
 
 
+_VERDICTS = {
+    "explained": "The gap is explained by {0}.",
+    "ambiguous": "The gap is explained by {0}, or by {1}: these trials cannot tell which.",
+    "partly_explained": "{0} explains a part of the gap only; something else is at work.",
+    "unexplained": "No effect of the library explains the gap significantly on trials that it was not fitted "
+    "to; the best of them is {0}.",
+}
+
+
+def _who(diagnosis: Diagnosis) -> tuple[str, str]:
+    """Return the cause with its parameter, and what cannot be told from it."""
+    found = diagnosis.found
+    if found is None or found.best is None:
+        return "", ""
+    best = found.best
+    texts = []
+    for fit, at in zip(best.fits, best.at, strict=True):
+        h = fit.hypothesis
+        value = f"{h.value(at):.4g} {h.effect.unit}".strip()
+        texts.append(f"{h.name} ({h.effect.parameter} = {value})")
+    return " and ".join(texts), " or ".join(found.ambiguous_with)
+
+
+def _before_after(gap: dict[str, Any]) -> str:
+    """Return the gap on held-out data in words."""
+    before, after, floor = (_mm(gap[f"{key}_m"]) for key in ("heldout_before", "heldout_after", "floor"))
+    share = gap["shrinkage"]
+    shrinks = "" if share is None else f", which is {share:.0%} of what is above the floor"
+    return f"{before} RMS of the marker before, {after} after on held-out trials{shrinks}; floor {floor}"
+
+
+def _ranking(diagnosis: Diagnosis) -> list[str]:
+    """Return the most probable effects, why some cannot be told apart, and what to measure next."""
+    found = diagnosis.found
+    if found is None or not found.rivals:
+        return []
+    sentences = []
+    for row in found.effects[:4]:
+        parameter, figures = next(iter(row["parameters"].items()))
+        low, high = figures["ci90"]
+        sentences.append(
+            f"{row['name']} ({row['target']}): {row['probability']:.0%} probable, {parameter} = "
+            f"{figures['value']:.4g} ({low:.4g} to {high:.4g}); its signature and that of the first have a "
+            f"cosine of {row['alike']:.2f}."
+        )
+    sentences.append(f"Something outside the library is {found.other_probability:.0%} probable.")
+    if diagnosis.experiment is not None:
+        next_gait = diagnosis.experiment
+        sentences.append(
+            f"Measure next: a gait of {next_gait.gait.period_s:.2f} s on which "
+            f"{', '.join(next_gait.separates)} differ by {next_gait.separation:.1f} floors "
+            f"(so far {next_gait.before:.1f})."
+        )
+    return sentences
+
+
 def explanation(diagnosis: Diagnosis) -> list[str]:
     """Return what is known of each trial, and what the defects of its recording are."""
-    sentences = []
+    sentences = _ranking(diagnosis)
     for trial in diagnosis.trials:
         sentences.append(_trial(trial))
         sentences += [f"{trial.name}: {defect.name}: {defect.message}." for defect in trial.defects]

@@ -50,7 +50,7 @@ class Journal:
             *self._metrics,
             *(f"violation.{name}" for name in self._constraints),
             *(f"x.{name}" for name in self._variables),
-            *("period_s", *_gait_columns(problem)),
+            *("period_s", *gait_columns(problem)),
         ]
         self.entries: list[Entry] = []
         if not (path.exists() and self._read()):
@@ -131,7 +131,8 @@ class Journal:
         )
 
 
-def _gait_columns(problem: Problem) -> list[str]:
+def gait_columns(problem: Problem) -> list[str]:
+    """Return the names of a gait's numbers, channel by channel."""
     keys = ("duty", "phase", "amplitude_deg", "offset_deg", "smoothing")
     return [f"{name}.{key}" for name in problem.channel_names for key in keys]
 

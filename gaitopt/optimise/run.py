@@ -15,6 +15,7 @@ from gaitopt.gait import Gait
 from gaitopt.objective import check_objective
 from gaitopt.optimise.evaluator import Evaluator, Setting
 from gaitopt.optimise.journal import Entry, Journal
+from gaitopt.optimise.pareto import FrontGait, front_of, thinned, verified_front
 from gaitopt.optimise.study import Progress, Study, quasi_random
 from gaitopt.optimise.verification import SEARCH, SELECTION, Verified, scenarios_of, verify
 from gaitopt.plan import Elite, Plan, Planner, PlanSettings
@@ -24,6 +25,9 @@ from gaitopt.rollout import NOMINAL
 DEFAULT_BUDGET = 600
 
 _FINALISTS = 5
+_DRIFTS = 0.5
+"""Sideways over forward speed above which a gait is no business of a planar model."""
+
 _SAMPLE = 24
 """Random gaits over which the planar model is held against MuJoCo."""
 
@@ -36,6 +40,7 @@ class Request:
     budget: int = DEFAULT_BUDGET
     method: str = "default"
     warm_start: bool = True
+    pareto: bool = False
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,7 @@ class Optimised:
         baselines: the hand-tuned gaits, verified.
         simulated_s: simulated seconds in all.
         wall_s: seconds it took.
+        front: gaits of speed against cost of transport, where they were asked for.
     """
 
     request: Request
@@ -67,6 +73,7 @@ class Optimised:
     baselines: list[Verified]
     simulated_s: float
     wall_s: float
+    front: Sequence[FrontGait] = ()
 
 
 def optimise(
@@ -95,17 +102,22 @@ def optimise(
     if plan is not None and not plan.elites:
         notes += ("no start of the plan converged, so the search is cold",)
     elites = plan.elites if plan else ()
-    study.run(request.method, starts, [elite.gait for elite in elites])
+    study.run(request.method, starts, [elite.gait for elite in elites], request.pareto)
     winner, found_by, selection_s = _select(
         problem, _finalists(study.entries, starts), request.seed, executor
     )
     planned = _best_elite(study.entries, elites)
     gaits = [winner, *baselines, *([planned.gait] if planned else [])]
     best, *others = verify(problem, gaits, request.seed, executor)
+    notes += _drift_notes(plan, others[: len(baselines)]) if plan else ()
+    chosen = thinned(front_of(study.entries)) if request.pareto else []
+    named = [Gait(e.gait.period_s, e.gait.channels, f"front-{i}") for i, e in enumerate(chosen, 1)]
+    front = verified_front(chosen, verify(problem, named, request.seed, executor))
     correlation, sample_s = _correlation(evaluator, planner, request.seed) if planner else (None, 0.0)
     simulated = sum(outcome.simulated_s for _, row in known for outcome in row) + selection_s + sample_s
     simulated += sum(entry.simulated_s for entry in study.entries)
     simulated += sum(verified.simulated_s for verified in [best, *others])
+    simulated += sum(gait.verified.simulated_s for gait in front)
     return Optimised(
         request=request,
         entries=study.entries,
@@ -118,6 +130,7 @@ def optimise(
         baselines=others[: len(baselines)],
         simulated_s=simulated,
         wall_s=time.monotonic() - began,
+        front=front,
     )
 
 
@@ -128,6 +141,17 @@ def _planner(problem: Problem, request: Request) -> tuple[Planner | None, tuple[
     if problem.file.planar is None:
         return None, (f"{problem.name} has no [planar] section, so the search is cold",)
     return Planner(problem, PlanSettings(seed=request.seed)), ()
+
+
+def _drift_notes(plan: Plan, baselines: Sequence[Verified]) -> tuple[str, ...]:
+    """Return what a planar model misses of the baselines that drift sideways."""
+    return tuple(
+        f"{row.gait.name} drifts sideways at {row.evaluation.metrics['sideways_ratio']:.0%} of its speed, "
+        f"which the planar model does not know: it predicts {1e3 * plan.baselines[row.gait.name]:.1f} mm/s "
+        f"where MuJoCo has {1e3 * row.speed:.1f}"
+        for row in baselines
+        if row.evaluation.metrics["sideways_ratio"] > _DRIFTS
+    )
 
 
 def _best_elite(entries: Sequence[Entry], elites: Sequence[Elite]) -> Elite | None:

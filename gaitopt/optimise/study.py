@@ -11,7 +11,7 @@ from scipy.stats import qmc
 
 from gaitopt.errors import GaitoptError, nearest
 from gaitopt.gait import Gait
-from gaitopt.optimise import cma_es, nelder_mead
+from gaitopt.optimise import cma_es, nelder_mead, pareto
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.solution import Box
@@ -30,6 +30,12 @@ _SPREAD = 0.2
 
 _PLANNED_SPREAD = 0.05
 """The same where a plan says where to start."""
+
+_FRONT_SPREAD = 0.1
+"""The same where a gait of the front is looked for from its best neighbour."""
+
+_PARETO_STREAM = 16
+"""Streams of randomness from here on belong to the front."""
 
 _POLISH_EDGE = 0.05
 """Edge of Nelder–Mead's first simplex as a polish."""
@@ -61,7 +67,7 @@ class Study:
             raise GaitoptError(f"--budget: found {budget}; allowed: 1 or more")
         self.evaluator = evaluator
         self.journal = journal
-        self.budget = budget
+        self.budget = self._until = budget
         self.seed = seed
         self.entries: list[Entry] = []
         self._space = evaluator.setting.problem.space
@@ -74,7 +80,11 @@ class Study:
         return min(self.entries, key=lambda entry: (entry.evaluation.cost, entry.index))
 
     def run(
-        self, method: str, starts: Sequence[tuple[Gait, float]] = (), planned: Sequence[Gait] = ()
+        self,
+        method: str,
+        starts: Sequence[tuple[Gait, float]] = (),
+        planned: Sequence[Gait] = (),
+        front: bool = False,
     ) -> Entry:
         """Spend the budget and return the best gait.
 
@@ -82,6 +92,7 @@ class Study:
             method: one of `METHODS`.
             starts: gaits whose cost is already known, such as the baselines.
             planned: gaits of a plan, evaluated first; without them a quasi-random batch is.
+            front: spend `pareto.SHARE` of the budget on speed against cost of transport, after the rest.
 
         Raises:
             GaitoptError: there is no such method.
@@ -89,13 +100,14 @@ class Study:
         if method not in METHODS:
             allowed = f"{', '.join(METHODS)}{nearest(method, METHODS)}"
             raise GaitoptError(f"--method: found {method!r}; allowed: {allowed}")
+        self._until = self.budget - (round(pareto.SHARE * self.budget) if front else 0)
         known = [(self._space.encode(gait), cost) for gait, cost in starts]
         if planned:
-            points = np.array([self._space.encode(gait) for gait in planned])[: self.budget]
+            points = np.array([self._space.encode(gait) for gait in planned])[: self._left]
             known += self._known("plan", points)
         elif method == "default":
             known += self._known(
-                "quasi-random", quasi_random(self._space, max(1, round(_FIRST * self.budget)), self.seed)
+                "quasi-random", quasi_random(self._space, max(1, round(_FIRST * self._until)), self.seed)
             )
         ranked = [point for point, _ in sorted(known, key=lambda pair: pair[1])]
         start = ranked[0] if ranked else np.full(len(self._space.variables), 0.5)
@@ -106,13 +118,36 @@ class Study:
         elif method == "cma-es":
             self._search(start, self._left, spread, others)
         else:
-            self._search(start, self._left - round(_POLISH * self.budget), spread, others)
+            self._search(start, self._left - round(_POLISH * self._until), spread, others)
             self._polish(self.best.point, self._left, _POLISH_EDGE)
+        self._until = self.budget
+        if front:
+            self._spread_front()
         return self.best
 
     @property
     def _left(self) -> int:
-        return self.budget - len(self.entries)
+        return self._until - len(self.entries)
+
+    def _spread_front(self) -> None:
+        """Look for the cheapest gait, then for the fastest one under each of some limits of its cost."""
+        runs = 1 + pareto.LEVELS
+        self._pursue(pareto.cheapest, self._left // runs, 0)
+        for index, limit in enumerate(pareto.limits(self.entries), 1):
+            self._pursue(pareto.fastest_within(limit), self._left // (runs - index), index)
+
+    def _pursue(self, aim: pareto.Aim, budget: int, stream: int) -> None:
+        """Search for another aim than the problem's, from the gait that so far serves it best."""
+        if budget < 1:
+            return
+
+        def costs(points: NDArray[np.float64]) -> NDArray[np.float64]:
+            self._evaluate("pareto", points)
+            return np.array([aim(entry) for entry in self.entries[-len(points) :]])
+
+        start = min(self.entries, key=aim).point
+        rng = np.random.default_rng([self.seed, _PARETO_STREAM + stream])
+        cma_es.minimise(costs, Box(self._space.circular), start, _FRONT_SPREAD, budget, rng)
 
     def _known(self, method: str, points: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], float]]:
         return list(zip(points, self._evaluate(method, points).tolist(), strict=True))

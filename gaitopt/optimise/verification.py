@@ -15,7 +15,7 @@ from gaitopt.optimise.evaluator import Evaluator, Setting
 from gaitopt.problem import Problem
 from gaitopt.rollout import Scenario, draw_scenarios
 
-SEARCH, SELECTION, VERIFICATION = 1, 2, 3
+SEARCH, SELECTION, VERIFICATION, SENSITIVITY = 1, 2, 3, 4
 """Streams of scenarios; with the run's seed each gives its own draws."""
 
 _SELECTION_SCENARIOS = 8
@@ -59,11 +59,11 @@ def scenarios_of(problem: Problem, seed: int, stream: int) -> tuple[Scenario, ..
     Args:
         problem: the problem, whose file says how many and how wide.
         seed: seed of the run.
-        stream: `SEARCH`, `SELECTION` or `VERIFICATION`.
+        stream: `SEARCH`, `SELECTION`, `VERIFICATION` or `SENSITIVITY`.
     """
     spread = problem.file.scenarios
-    counts = {SEARCH: spread.search, SELECTION: _SELECTION_SCENARIOS, VERIFICATION: spread.verification}
-    return draw_scenarios(problem, counts[stream], (seed, stream))
+    counts = {SEARCH: spread.search, VERIFICATION: spread.verification}
+    return draw_scenarios(problem, counts.get(stream, _SELECTION_SCENARIOS), (seed, stream))
 
 
 def verify(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executor) -> list[Verified]:

@@ -1,0 +1,101 @@
+"""Causes planted by other numerics are found again, with their parameters, and the same every time."""
+
+import numpy as np
+import pytest
+from planting import dataset, filmed, rollout
+
+from gaitopt.diagnose.dataset import load_dataset
+from gaitopt.diagnose.diagnosis import diagnose
+from gaitopt.diagnose.hypotheses import hypotheses
+from gaitopt.errors import GaitoptError
+from gaitopt.optimise.executors import open_executor
+from gaitopt.rollout import Simulator
+
+AMONG = ("servo_torque_limit", "ground_slope", "pad_friction", "servo_trim", "payload_mass", "camera_scale")
+
+
+@pytest.fixture(scope="module")
+def simulator(arcfold):
+    return Simulator.build(arcfold)
+
+
+def diagnosed(simulator, folder, effects, among=AMONG, workers=2, known=True, **more):
+    gaits = ("square-2s", "square-1s")
+    trials = {gait: (gait, filmed(rollout(simulator.problem, gait, 5.0, effects))) for gait in gaits}
+    start = {"starts_at_gait_time_s": 0.0} if known else {}
+    data = load_dataset(
+        dataset(folder, trials, **start), simulator.problem, [s for s in simulator.signals if s]
+    )
+    with open_executor("threads", workers) as executor:
+        return diagnose(simulator, data, executor, 1, next_gait=False, among=among, **more)
+
+
+@pytest.mark.parametrize(
+    ("name", "target", "value", "within"),
+    [
+        ("servo_torque_limit", "all", 0.17, 0.02),
+        ("servo_trim", "mid_act", 0.1, 0.02),
+        ("camera_scale", None, 1.08, 0.02),
+    ],
+)
+def test_a_planted_cause_is_found_with_its_parameter(simulator, tmp_path, name, target, value, within):
+    parameter = {"servo_torque_limit": "limit_n_m", "servo_trim": "offset_rad"}.get(name, "scale")
+    planted = {parameter: value} | ({"target": target} if target else {})
+    found = diagnosed(simulator, tmp_path / "data", {name: planted}).to_dict()
+    assert found["causes"][0] == name
+    assert found["verdict"] in ("explained", "ambiguous")
+    row = found["effects"][0]
+    assert row["name"] == name
+    assert target is None or row["target"] == target
+    assert row["parameters"][parameter]["value"] == pytest.approx(value, abs=within)
+    low, high = row["parameters"][parameter]["ci90"]
+    assert low <= row["parameters"][parameter]["value"] <= high
+    gap = found["gap"]
+    assert gap["heldout_after_m"] < gap["heldout_before_m"]
+
+
+def test_a_right_model_has_no_gap(simulator, tmp_path):
+    found = diagnosed(simulator, tmp_path / "data", {}).to_dict()
+    assert (found["verdict"], found["causes"], found["effects"]) == ("no_gap", [], [])
+
+
+def test_what_is_not_tried_is_not_found(simulator, tmp_path):
+    planted = {"servo_torque_limit": {"limit_n_m": 0.1, "target": "mid_act"}}
+    found = diagnosed(simulator, tmp_path / "data", planted, among=("camera_tilt", "clock_rate")).to_dict()
+    assert found["verdict"] in ("unexplained", "partly_explained")
+    assert found["other_probability"] > 0.5
+
+
+def test_late_commands_and_a_late_clock_are_one_answer(simulator, tmp_path):
+    among = ("command_latency", "clock_offset", "servo_gain")
+    found = diagnosed(simulator, tmp_path / "data", {"command_latency": {"delay_s": 0.08}}, among).to_dict()
+    assert {*found["causes"], *found["ambiguous_with"]} >= {"command_latency", "clock_offset"}
+    assert found["verdict"] == "ambiguous"
+
+
+def test_the_same_bits_whatever_the_workers(simulator, tmp_path):
+    planted = {"ground_slope": {"angle_rad": 0.06}}
+    among = ("ground_slope", "camera_tilt")
+    one, other = (
+        diagnosed(simulator, tmp_path / str(n), planted, among, workers=n, known=False).to_dict()
+        for n in (1, 2)
+    )
+    one.pop("dataset"), other.pop("dataset")
+    assert one == other
+
+
+def test_nothing_to_try_is_said(simulator, tmp_path):
+    with pytest.raises(GaitoptError, match="no effect can be tried"):
+        diagnosed(simulator, tmp_path / "data", {"ground_slope": {"angle_rad": 0.06}}, among=())
+
+
+def test_hypotheses_stay_inside_their_bounds(simulator, arcfold):
+    rivals = hypotheses(simulator.effects.nominal, arcfold.channel_names, offset_known=False)
+    assert len({h.name for h in rivals}) == len(rivals)
+    assert not any(h.effect.name in ("clock_offset", "clock_rounding", "marker_outliers") for h in rivals)
+    for h in rivals:
+        assert h.low <= h.neutral <= h.high
+        assert all(h.low <= at <= h.high and at != h.neutral for at in h.screened)
+        middle = 0.5 * (h.low + h.high)
+        assert h.coordinate(h.value(middle)) == pytest.approx(middle)
+        assert np.isfinite(h.value(h.low))
