@@ -15,7 +15,7 @@ from planting import dataset, filmed, rollout
 from gaitopt.diagnose.align import align, pooled_marker_rms
 from gaitopt.diagnose.cycles import PHASES, shifted, steady
 from gaitopt.diagnose.dataset import Trial, load_dataset
-from gaitopt.diagnose.diagnosis import diagnose
+from gaitopt.diagnose.diagnosis import locate
 from gaitopt.diagnose.floor import Floor, marker_floor
 from gaitopt.diagnose.where import COMPONENTS, split
 from gaitopt.diagnose.words import answer, explanation
@@ -54,7 +54,7 @@ def diagnosed(arcfold, simulator, tmp_path_factory):
         dataset(folder, trials, **({"starts_at_gait_time_s": begin} if sync else {}))
         known = [name for name in simulator.signals if name]
         with ThreadPoolExecutor(2) as executor:
-            return diagnose(simulator, load_dataset(folder, arcfold, known), executor, 1)
+            return locate(simulator, load_dataset(folder, arcfold, known), executor, 1)
 
     return run
 

@@ -122,7 +122,10 @@ def test_ctrl_c_ends_worker_processes_in_silence(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_at_any_moment_is_one_clean_end(tmp_path: Path) -> None:
-    """From the first import on; what cannot be interrupted at once is interrupted soon."""
+    """From the first import on; what cannot be interrupted at once is interrupted soon.
+
+    Before Python itself has begun, the signal ends the process in silence; a shell shows 130 for that too.
+    """
     rng = np.random.default_rng(7)
     for index, delay in enumerate(rng.uniform(0.3, 2.5, 2)):
         folder = tmp_path / f"run-{index}"
@@ -131,7 +134,7 @@ def test_ctrl_c_at_any_moment_is_one_clean_end(tmp_path: Path) -> None:
         os.killpg(process.pid, signal.SIGINT)
         _, err = process.communicate(timeout=30.0)
         assert "Traceback" not in err
-        assert process.returncode in (0, 130)
+        assert process.returncode in (0, 130) or (process.returncode, err) == (-signal.SIGINT, "")
 
 
 def test_two_processes_cannot_share_a_folder(whole: Path, tmp_path: Path) -> None:

@@ -188,7 +188,7 @@ def find_causes(
     singles = [evidence.single(fit) for fit in fits if len(fit.points) > 1]
     if not singles:
         raise GaitoptError("no effect can be tried: none of those asked for applies to this robot")
-    best = min(singles, key=lambda rival: float(rival.held_out.sum()))
+    best = min(singles, key=lambda rival: rival.evidence)
     doubles = []
     if _remains(ready, best, none) > LEFT:
         doubles = [evidence.double(pair) for pair in fit_pairs(fits, nominal, executor, note)]
@@ -205,8 +205,8 @@ def conclude(
     seed: int,
 ) -> Causes:
     """Return the answer that the evidence allows."""
-    best = min(singles, key=lambda rival: float(rival.held_out.sum()))
-    both = min(doubles, key=lambda rival: float(rival.held_out.sum()), default=None)
+    best = min(singles, key=lambda rival: rival.evidence)
+    both = min(doubles, key=lambda rival: rival.evidence, default=None)
     two = both is not None and _needed(ready, best, both)
     rivals = list(doubles) if two else list(singles)
     weights = evidence.scores(ready, rivals)

@@ -62,6 +62,14 @@ class Rival:
     pair: PairFit | None = None
 
     @property
+    def evidence(self) -> float:
+        """Loss by which rivals of as many parameters are ranked: held out and fitted, half each.
+
+        Where the trials left in cannot show an effect, its fit without the others says little against it.
+        """
+        return 0.5 * float(self.held_out.sum() + self.seen.sum())
+
+    @property
     def names(self) -> list[str]:
         """The effects."""
         return [fit.hypothesis.effect.name for fit in self.fits]
@@ -156,7 +164,7 @@ def left_by_trial(bench: Bench, rival: Rival) -> dict[int, float]:
 
 def scores(bench: Bench, rivals: Sequence[Rival]) -> Array:
     """Return the logarithm of each rival's posterior weight, up to a constant."""
-    held_out = np.array([rival.held_out.sum() for rival in rivals])
+    held_out = np.array([rival.evidence for rival in rivals])
     unit = TEMPER * max(1.0, float(held_out.min()) / bench.rows_of_blocks.sum())
     priors = np.array([PRIOR_WEIGHT * r.log_prior + sum(_share(f) for f in r.fits) for r in rivals])
     weights: Array = -0.5 * held_out / unit + priors

@@ -17,11 +17,11 @@ from gaitopt.problem import Problem
 from gaitopt.rollout import Simulator
 from gaitopt.trajectory import Trajectory
 
-SECONDS = 8.0
+SECONDS = 6.0
 """Length of the proposed recording; at least two cycles."""
 
-_RANDOM = 14
-_REFINED = 6
+_RANDOM = 8
+_REFINED = 4
 _STEP = 0.12
 _NOISE_M = 1e-3
 _ANGLE_NOISE_RAD = 3e-3

@@ -36,6 +36,9 @@ _REACH = 1.0
 ROUNDS = (22, 16, 12, 8, 6, 5, 4, 4, 3, 3)
 """How many hypotheses are fitted further, round by round."""
 
+WELL = 1.25
+"""Mean whitened square of a good fit: where one is found, no second start is tried."""
+
 _TOLERANCE = 0.004
 """A parameter nearer to a simulated one than this share of its range need not be simulated again."""
 
@@ -342,6 +345,17 @@ def fit_all(
     """
     fits = [Fit(h, bench, [replace(nominal, at=np.array([h.neutral]))]) for h in rivals]
     done = _simulate_each([(fit, at) for fit in fits for at in fit.hypothesis.screened], executor, note, 0)
+    done = _refine(fits, executor, note, done)
+    least = min((float(fit.loss().sum()) for fit in fits), default=0.0)
+    if least > WELL * len(nominal.whitened):
+        far = [(fit, at) for fit in fits for at in fit.hypothesis.far]
+        done = _simulate_each(far, executor, note, done)
+        _refine(fits, executor, note, done)
+    return fits
+
+
+def _refine(fits: Sequence[Fit], executor: Executor, note: Note, done: int) -> int:
+    """Simulate the fits that look best where they look best, in rounds; return the number of robots."""
     for most in ROUNDS:
         ordered = sorted(fits, key=lambda fit: float(fit.loss().sum()))
         wanted = [(fit, fit.wanted()) for fit in ordered[:most]]
@@ -349,7 +363,7 @@ def fit_all(
         if not work:
             break
         done = _simulate_each(work, executor, note, done)
-    return fits
+    return done
 
 
 def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, note: Note, done: int) -> int:

@@ -16,6 +16,9 @@ RECORD_DEFECTS = ("clock_rounding", "marker_outliers")
 _SCREENED = 0.2
 """Share of the way from neutral to a bound at which a hypothesis is screened first."""
 
+_FAR = 0.6
+"""The same of the second start, where no first one led to a good fit."""
+
 _OBSERVED = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Shares tried where no simulation is needed."""
 
@@ -66,11 +69,17 @@ class Hypothesis:
 
     @property
     def screened(self) -> list[float]:
-        """Coordinates at which the hypothesis is tried first: at several step sizes, off the bounds."""
+        """Coordinates at which the hypothesis is tried first, off the bounds."""
+        return self._at((_SCREENED,) if self.effect.observe is None else _OBSERVED)
+
+    @property
+    def far(self) -> list[float]:
+        """Coordinates of the second start; none where the first try was dense."""
+        return self._at((_FAR,)) if self.effect.observe is None else []
+
+    def _at(self, shares: Sequence[float]) -> list[float]:
         sides = [bound for bound in (self.low, self.high) if abs(bound - self.neutral) > 1e-9]
-        steps = (_SCREENED,) if self.effect.observe is None else _OBSERVED
-        points = [self.neutral + step * (bound - self.neutral) for bound in sides for step in steps]
-        return sorted(points)
+        return sorted(self.neutral + s * (bound - self.neutral) for bound in sides for s in shares)
 
 
 def hypotheses(
