@@ -113,7 +113,7 @@ class Planner:
 
     def predicted_speed(self, gait: Gait) -> float:
         """Return the planar model's speed of a gait, m/s, its edges no sharper than planning allows."""
-        return self.model.speed(self._vector(gait), self.settings.widths[-1])
+        return self.model.speed(self.vector(gait), self.settings.widths[-1])
 
     def plan(self) -> Plan:
         """Optimise from many starts and keep distinct elites.
@@ -147,7 +147,7 @@ class Planner:
                 found.append((solution.gait, self.model.speed(solution.gait, settings.widths[-1])))
             running = sorted(speeds, key=lambda k: -speeds[k])
         dropped = tuple(f"start {k}: {why}" for k, why in failed.items() if k not in good)
-        baselines = {name: self._vector(gait) for name, gait in self.problem.baselines.items()}
+        baselines = {name: self.vector(gait) for name, gait in self.problem.baselines.items()}
         width = settings.widths[-1]
         return Plan(
             self._elites(found),
@@ -167,7 +167,7 @@ class Planner:
     def _starts(self) -> list[Vector]:
         """Return the baselines, then the fastest of a random sample on a smooth model."""
         settings, rng = self.settings, np.random.default_rng(self.settings.seed)
-        baselines = [self._vector(gait) for gait in self.problem.baselines.values()]
+        baselines = [self.vector(gait) for gait in self.problem.baselines.values()]
         sample = [random_gait(self.bounds, rng) for _ in range(settings.n_samples)]
         speeds = [self.model.speed(gait, settings.widths[0]) for gait in sample]
         fastest = np.argsort(speeds, kind="stable")[::-1]
@@ -186,7 +186,7 @@ class Planner:
         ranges = np.deg2rad([space.range_deg for space in spaces])
         return GaitBounds(np.array(lower), np.array(upper), ranges[:, 0], ranges[:, 1])
 
-    def _vector(self, gait: Gait) -> Vector:
+    def vector(self, gait: Gait) -> Vector:
         """Return a gait as the planar model's vector, its ramps no shorter than planning allows."""
         vector = [gait.period_s]
         for name in self.channels:

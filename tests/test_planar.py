@@ -188,7 +188,7 @@ def test_plan_beats_the_baselines_keeps_the_bounds_and_repeats_to_the_bit(proble
     result, again = (Planner(problem, settings).plan() for _ in range(2))
     assert result == again
     assert result.elites[0].predicted_speed_m_s > max(result.baselines.values())
-    vectors = [Planner(problem, settings)._vector(elite.gait) for elite in result.elites]
+    vectors = [Planner(problem, settings).vector(elite.gait) for elite in result.elites]
     for i, (elite, vector) in enumerate(zip(result.elites, vectors, strict=True)):
         problem.check_gait(elite.gait, "elite")
         assert problem.space.decode(problem.space.encode(elite.gait)).period_s == elite.gait.period_s
