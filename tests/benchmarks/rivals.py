@@ -42,15 +42,18 @@ ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 COARSEST = {"timestep_s": 2e-3}
 """Ranks 66 gaits of ArcFold like 5e-4 s (Spearman 0.97); 4e-3 s does not (0.73). See the README."""
 
-PLANAR_WIDTH = 0.01
+PLANAR_WIDTH = 0.03
 """Friction width of the planar black box, m/s."""
 
-BUDGET, SEEDS = 400, 15
+CASES = {"arcfold": 400, "planar": 800, "strider": 800}
+"""Gaits that a run may evaluate, by case."""
+
+SEEDS = 15
 
 Point = NDArray[np.float64]
 
 
-class Spent(Exception):
+class SpentError(Exception):
     """The budget of gaits is spent."""
 
 
@@ -97,10 +100,10 @@ class BlackBox:
         """Return the cost of a point, shape (d,).
 
         Raises:
-            Spent: the budget was spent before.
+            SpentError: the budget was spent before.
         """
         if len(self.costs) >= self.budget:
-            raise Spent
+            raise SpentError
         (evaluation, outcomes), *_ = self.evaluator([self.space.decode(np.asarray(point, float))])
         self.costs.append(evaluation.cost)
         self.simulated_s.append(sum(outcome.simulated_s for outcome in outcomes))
@@ -116,9 +119,6 @@ def evaluator_of(case: str) -> Any:
     if case == "arcfold":
         fidelity = fidelity.model_copy(update=COARSEST)
     return Evaluator(Setting.of(problem, (NOMINAL,), fidelity), SerialExecutor())
-
-
-CASES = ("arcfold", "planar", "strider")
 
 
 # --- rivals -----------------------------------------------------------------------------------
@@ -224,10 +224,10 @@ RIVALS: dict[str, Callable[[BlackBox, int], None]] = {
 # --- runs -------------------------------------------------------------------------------------
 
 
-def run_rival(case: str, method: str, seed: int, budget: int) -> dict[str, Any]:
+def run_rival(case: str, method: str, seed: int) -> dict[str, Any]:
     """Return the record of one run of a rival."""
-    box = BlackBox(evaluator_of(case), budget)
-    with suppress(Spent), warnings.catch_warnings():
+    box = BlackBox(evaluator_of(case), CASES[case])
+    with suppress(SpentError), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # each has some, of its own matters
         RIVALS[method](box, seed)
     return {"improvements": improvements(box.costs, box.simulated_s), **totals(box.costs, box.simulated_s)}
@@ -266,9 +266,8 @@ def main() -> None:
     """Run what is missing."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--budget", type=int, default=BUDGET)
-    parser.add_argument("--cases", nargs="+", choices=CASES, default=CASES)
-    parser.add_argument("--methods", nargs="+", choices=RIVALS, default=RIVALS)
+    parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
+    parser.add_argument("--methods", nargs="+", choices=RIVALS, default=list(RIVALS))
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
@@ -283,7 +282,7 @@ def main() -> None:
                     continue
                 record: dict[str, Any] = {"case": case, "method": method, "seed": seed, "mark": marks[case]}
                 with timed(record):
-                    record |= run_rival(case, method, seed, options.budget)
+                    record |= run_rival(case, method, seed)
                 with path.open("a") as file:
                     file.write(json.dumps(record, ensure_ascii=False) + "\n")
                 print(case, method, seed, record["cpu_s"], record["improvements"][-1], flush=True)
