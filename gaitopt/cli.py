@@ -240,6 +240,7 @@ def _add_simulate_options(sub: argparse.ArgumentParser) -> None:
     add("--csv", type=Path, metavar="F", help="write the time series here")
     add("--video", type=Path, metavar="F", help="film it: a file that ends in .mp4, .gif or .webp")
     add("--beside", metavar="GAIT", help="with --video: film this gait too, side by side")
+    add("--measured", type=Path, metavar="DATASET", help="with --video: show the marker measured, too")
     add("--seconds", type=float, metavar="S", help="length of the film (default: whole cycles, 5 s or more)")
     add("--view", action="store_true", help="play it in MuJoCo's viewer, where there is a screen")
     add("--json", action="store_true", help="print JSON and nothing else")
@@ -570,7 +571,7 @@ def _simulate(options: argparse.Namespace) -> None:
 
 
 def _check_film_options(options: argparse.Namespace) -> None:
-    for name in ("beside", "seconds"):
+    for name in ("beside", "measured", "seconds"):
         if getattr(options, name) is not None and options.video is None:
             raise GaitoptError(f"--{name}: found no --video to go with it")
     if options.video is not None:
@@ -588,13 +589,20 @@ def _takes(options: argparse.Namespace, simulator: Any, gait: Gait) -> list[Any]
     """Return what a film shows, from left to right; nothing where none is asked for."""
     if options.video is None and not options.view:
         return []
-    from gaitopt.video import film_length, take
+    from gaitopt.video import film_length, take, take_beside
 
     gaits = [gait]
     if options.beside is not None:
         gaits.append(simulator.problem.find_gait(options.beside))
     length = options.seconds or film_length(gaits)
-    return [take(simulator, shown, length) for shown in gaits]
+    if options.measured is None:
+        return [take(simulator, shown, length) for shown in gaits]
+    from gaitopt.diagnose.dataset import load_dataset
+    from gaitopt.ghost import trial_of
+
+    signals = [name for name in simulator.signals if name]
+    dataset = load_dataset(options.measured, simulator.problem, signals)
+    return [take_beside(simulator, trial_of(dataset, shown), length) for shown in gaits]
 
 
 def _sweep(options: argparse.Namespace) -> None:

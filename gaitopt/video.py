@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
@@ -21,9 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from gaitopt.diagnose.dataset import Trial
+from gaitopt.diagnose.predict import latest_gait_time
 from gaitopt.errors import GaitoptError
 from gaitopt.files import write_with
 from gaitopt.gait import Gait
+from gaitopt.ghost import Ghost, ghost_of
 from gaitopt.metrics import measure
 from gaitopt.model import Robot
 from gaitopt.rollout import Simulator
@@ -33,8 +36,11 @@ FORMATS = (".mp4", ".gif", ".webp")
 SIZE, FPS = (640, 360), 25.0
 """Of an MP4: width and height of one robot's picture, pixels, and pictures a second."""
 
-LOOP_SIZE, LOOP_FPS = (400, 226), 10.0
-"""The same of an animation that plays for ever, which compresses less well."""
+LOOP_SIZE, LOOP_RATES = (400, 226), (10.0, 12.5, 20.0, 25.0)
+"""The same of an animation that plays for ever, which compresses less well; see `loop_rate`."""
+
+_PER_CYCLE = 6.0
+"""Pictures of a cycle below which the motion cannot be read."""
 
 _MIN_S = 5.0
 """A film shows whole cycles that last at least this long."""
@@ -55,7 +61,15 @@ _TURN = 15.0
 
 _MARGIN = 1.3
 _STRIPES = 41
-_LIGHT, _DARK = (0.93, 0.93, 0.91, 1.0), (0.84, 0.85, 0.84, 1.0)
+_LIGHT, _DARK = (1.0, 1.0, 0.99, 1.0), (0.86, 0.88, 0.89, 1.0)
+
+_MEASURED, _SIMULATED = (0.0, 0.45, 0.7, 1.0), (0.84, 0.37, 0.0, 1.0)
+"""Colours of the marker, as in the figures of a diagnosis."""
+
+_TRAIL_S = 1.0
+_TRAIL_POINTS = 30
+_REACH = 1.5
+"""A ghost that leaves the robot widens the picture up to so many times."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +83,7 @@ class Take:
         name: the gait's name.
         period_s: the gait's period.
         speed_m_s: its mean forward speed; NaN where it is not known.
+        ghost: where the marker was measured, if that is to be shown.
     """
 
     model: mujoco.MjModel
@@ -77,6 +92,11 @@ class Take:
     name: str
     period_s: float
     speed_m_s: float
+    ghost: Ghost | None = None
+
+    def named(self, name: str) -> Take:
+        """Return the same take under another name."""
+        return replace(self, name=name)
 
 
 def take(simulator: Simulator, gait: Gait, duration: float | None = None) -> Take:
@@ -99,10 +119,26 @@ def take(simulator: Simulator, gait: Gait, duration: float | None = None) -> Tak
     return Take(model, trajectory, simulator.problem.roles.axes, gait.name, gait.period_s, speed)
 
 
+def take_beside(simulator: Simulator, trial: Trial, duration: float) -> Take:
+    """Simulate the gait of a trial and keep what its pictures need, the measured marker with it.
+
+    Raises:
+        GaitoptError: the simulation failed, or no marker was measured.
+    """
+    shown = take(simulator, trial.gait, max(duration, latest_gait_time(trial)))
+    return replace(shown, ghost=ghost_of(simulator, trial, shown.trajectory))
+
+
 def film_length(shown: Sequence[Take] | Sequence[Gait]) -> float:
     """Return how long a film lasts unless asked otherwise: whole cycles of the slowest gait, s."""
     period = max(one.period_s for one in shown)
     return period * math.ceil(_MIN_S / period * (1.0 - 1e-12))
+
+
+def loop_rate(takes: Sequence[Take]) -> float:
+    """Return the pictures a second of an animation: as few as show the fastest gait's cycle."""
+    wanted = _PER_CYCLE / min(shown.period_s for shown in takes)
+    return next((rate for rate in LOOP_RATES if rate >= wanted), LOOP_RATES[-1])
 
 
 def check_film(path: Path) -> None:
@@ -135,7 +171,7 @@ def write_film(
     """
     check_film(path)
     film = path.suffix.lower() == ".mp4"
-    size, fps = (SIZE, FPS) if film else (LOOP_SIZE, LOOP_FPS)
+    size, fps = (SIZE, FPS) if film else (LOOP_SIZE, loop_rate(takes))
     end = film_length(takes) if end is None else end
     times = begin + np.arange(max(1, round((end - begin) * fps))) / fps
     write = _write_mp4 if film else _write_loop
@@ -157,7 +193,7 @@ def frames(
         GaitoptError: there is no OpenGL.
     """
     width, height = size
-    stages = [_Stage(shown, size) for shown in takes]
+    stages = [_Stage(shown, size, times) for shown in takes]
     try:
         for at in times:
             whole = Image.new("RGB", (width * len(takes), height))
@@ -175,12 +211,12 @@ def frames(
 class _Stage:
     """A robot, its ground, lights and camera, and the OpenGL context that draws them."""
 
-    def __init__(self, shown: Take, size: tuple[int, int]):
+    def __init__(self, shown: Take, size: tuple[int, int], times: NDArray[np.float64]):
         self._shown, self._size = shown, size
         self._model = _lit(shown.model, size)
         self._data = mujoco.MjData(self._model)
         self._path = _followed(shown)
-        self._camera = _camera(self._model, shown, self._path, size)
+        self._camera = _camera(self._model, shown, self._path, size, times)
         self._context = _gl_context(*size)
         self._context.make_current()
         try:
@@ -203,6 +239,7 @@ class _Stage:
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(self._model, self._data, self._options, None, self._camera, every, self._scene)
         self._stripes(self._path[index])
+        self._markers(at, index)
         width, height = self._size
         rectangle = mujoco.MjrRect(0, 0, width, height)
         pixels = np.empty((height, width, 3), np.uint8)
@@ -227,15 +264,38 @@ class _Stage:
             return
         height = float(up @ self._data.geom_xpos[plane])
         middle = 2 * round(float(forward @ seen) / (2 * self._pitch))
-        turn = np.stack([forward, left, up], axis=1).ravel()
         half = np.array([0.5 * self._pitch, 0.5 * _STRIPES * self._pitch, 1e-4 * self._pitch])
         for number in range(middle - _STRIPES // 2, middle + _STRIPES // 2 + 1):
-            if number % 2 or self._scene.ngeom >= self._scene.maxgeom:
-                continue
-            centre = (number + 0.5) * self._pitch * forward + (left @ seen) * left + height * up
-            colour = np.array(_DARK, np.float32)
+            if number % 2 == 0:
+                centre = (number + 0.5) * self._pitch * forward + (left @ seen) * left + height * up
+                self._add(mujoco.mjtGeom.mjGEOM_BOX, half, centre, _DARK)
+
+    def _markers(self, at: float, index: int) -> None:
+        """Show the measured marker with its trail beside the simulated one."""
+        ghost = self._shown.ghost
+        if ghost is None:
+            return
+        radius = 0.012 * self._camera.distance
+        trail = ghost.before(at, _TRAIL_S)
+        for position in trail[:-1][:: max(1, len(trail) // _TRAIL_POINTS)]:
+            self._add(mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, 0.3 * radius), position, _MEASURED)
+        for position in trail[-1:]:
+            self._add(mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, radius), position, _MEASURED)
+        simulated = self._shown.trajectory.stacked("marker")[index]
+        self._add(mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, 0.8 * radius), simulated, _SIMULATED)
+
+    def _add(
+        self,
+        kind: mujoco.mjtGeom,
+        half: NDArray[np.float64],
+        centre: NDArray[np.float64],
+        colour: tuple[float, ...],
+    ) -> None:
+        """Add a shape, turned as the robot's axes are, to what is drawn."""
+        if self._scene.ngeom < self._scene.maxgeom:
+            turn = self._shown.axes.T.ravel()
             geom = self._scene.geoms[self._scene.ngeom]
-            mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_BOX.value, half, centre, turn, colour)
+            mujoco.mjv_initGeom(geom, kind.value, half, centre, turn, np.array(colour, np.float32))
             self._scene.ngeom += 1
 
     def _words(self, at: float, index: int) -> tuple[str, str]:
@@ -244,7 +304,10 @@ class _Stage:
         travelled = float(shown.axes[0] @ (marker[index] - marker[0]))
         speed = "" if math.isnan(shown.speed_m_s) else f"   speed {_length(shown.speed_m_s)}/s"
         above = f"{shown.name}   period {shown.period_s:.3g} s{speed}"
-        return above, f"t = {at:5.2f} s   travelled {_length(travelled)}   stripes {1e3 * self._pitch:.3g} mm"
+        below = f"t = {at:5.2f} s   travelled {_length(travelled)}   stripes {_length(self._pitch, 0)}"
+        if shown.ghost is not None:
+            below = f"t = {at:5.2f} s   marker: orange simulated, blue measured ({shown.ghost.trial})"
+        return above, below
 
 
 def _lit(model: mujoco.MjModel, size: tuple[int, int]) -> mujoco.MjModel:
@@ -273,7 +336,11 @@ def _ground(model: mujoco.MjModel) -> int | None:
 
 
 def _camera(
-    model: mujoco.MjModel, shown: Take, path: NDArray[np.float64], size: tuple[int, int]
+    model: mujoco.MjModel,
+    shown: Take,
+    path: NDArray[np.float64],
+    size: tuple[int, int],
+    times: NDArray[np.float64],
 ) -> mujoco.MjvCamera:
     """Return a camera at the robot's right, so that forward is to the right, as far off as it is large."""
     _, left, _ = shown.axes
@@ -284,6 +351,7 @@ def _camera(
     half_view = math.radians(_FIELD_OF_VIEW) / 2.0
     across = math.atan(math.tan(half_view) * size[0] / size[1])
     wide, high = _extent(model, shown, path)
+    wide = max(wide, min(_ghost_width(shown, path, times), _REACH * wide))
     camera.distance = _MARGIN * max(wide / (2 * math.tan(across)), high / (2 * math.tan(half_view)))
     return camera
 
@@ -303,6 +371,17 @@ def _extent(model: mujoco.MjModel, shown: Take, path: NDArray[np.float64]) -> tu
         wide = max(wide, 2.0 * float(np.abs(corners @ forward).max()))
         high = max(high, 2.0 * float(np.abs(corners @ up).max()))
     return wide, high
+
+
+def _ghost_width(shown: Take, path: NDArray[np.float64], times: NDArray[np.float64]) -> float:
+    """Return how wide a picture about `path` must be for the ghost to stay in it, m; 0 without one."""
+    ghost = shown.ghost
+    if ghost is None:
+        return 0.0
+    during = (ghost.time >= times[0]) & (ghost.time <= times[-1])
+    forward = shown.axes[0]
+    seen = np.interp(ghost.time[during], shown.trajectory.time, path @ forward)
+    return 2.0 * float(np.abs(ghost.positions[during] @ forward - seen).max(initial=0.0))
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -347,11 +426,14 @@ def _stripe_width(distance: float) -> float:
     return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-9))
 
 
-def _length(metres: float) -> str:
+def _length(metres: float, places: int = 1) -> str:
+    """Return a length in words; `places` decimals of a millimetre where it is short."""
     if abs(metres) >= 1.0:
-        return f"{metres:.2f} m"
-    millimetres = 1e3 * metres
-    return f"{millimetres:.0f} mm" if abs(millimetres) >= 100.0 else f"{millimetres:.1f} mm"
+        text = f"{metres:.{2 * places}f} m"
+    else:
+        millimetres = 1e3 * metres
+        text = f"{millimetres:.{0 if abs(millimetres) >= 100.0 else places}f} mm"
+    return text.replace("-", "−")
 
 
 def _write(picture: Image.Image, words: tuple[str, str]) -> None:

@@ -46,8 +46,8 @@ def workplace(
     for module in (plan, search):
         monkeypatch.setattr(module, "PlanSettings", brief)
     monkeypatch.setattr(search, "_SAMPLE", 4)
-    for rate in ("FPS", "LOOP_FPS"):
-        monkeypatch.setattr(video, rate, 2.0)
+    monkeypatch.setattr(video, "FPS", 2.0)
+    monkeypatch.setattr(video, "LOOP_RATES", (2.0,))
     monkeypatch.setattr(demo, "demo_problem", lambda: quick)
     monkeypatch.setattr(demo, "REQUEST", Request(budget=BUDGET))
     for name in ("arcfold", "arcfold-published"):

@@ -1,25 +1,30 @@
 """Films: what is shown, when, in which format, and what is said where none can be made."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import av
 import numpy as np
 import pytest
 from PIL import Image
+from planting import dataset, filmed
 
 from gaitopt import cli, video
+from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.errors import GaitoptError
+from gaitopt.ghost import trial_of
 from gaitopt.problem import Problem
 from gaitopt.rollout import Simulator
 from gaitopt.video import (
     FPS,
-    LOOP_FPS,
     LOOP_SIZE,
     SIZE,
     film_length,
     frames,
+    loop_rate,
     opengl_is_missing,
     take,
+    take_beside,
     write_film,
 )
 
@@ -89,9 +94,9 @@ def test_a_loop_plays_for_ever(takes: list[video.Take], tmp_path: Path, suffix: 
     write_film(tmp_path / f"walk.{suffix}", takes, end=0.5)
     with Image.open(tmp_path / f"walk.{suffix}") as loop:
         assert loop.size == (2 * LOOP_SIZE[0], LOOP_SIZE[1])
-        assert loop.n_frames == round(0.5 * LOOP_FPS)
+        assert loop.n_frames == round(0.5 * loop_rate(takes))
         loop.load()
-        assert (loop.info["loop"], loop.info["duration"]) == (0, round(1000 / LOOP_FPS))
+        assert (loop.info["loop"], loop.info["duration"]) == (0, round(1000 / loop_rate(takes)))
 
 
 @needs_opengl
@@ -105,12 +110,64 @@ def test_the_command_films_and_answers(
     assert "speed_m_s" in capsys.readouterr().out
 
 
+@pytest.fixture(scope="module")
+def trials(strider: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of the robot as simulated that begins within a cycle, and one of a joint alone."""
+    simulator, folder = Simulator.build(strider), tmp_path_factory.mktemp("trials")
+    moved = simulator.observe(simulator.run(strider.baselines["stride"], duration=4.0))
+    seen = {"seen": ("marker.y",), "blind": ("joint.rear_hip",)}
+    columns = {name: filmed(moved, 0.2, noise_m=1e-5, signals=signals) for name, signals in seen.items()}
+    dataset(folder / "seen", {"filmed": ("stride", columns["seen"])})
+    dataset(folder / "blind", {"blind": ("stride", columns["blind"])})
+    return folder
+
+
+def test_the_ghost_of_the_robot_as_simulated_is_its_marker(strider: Problem, trials: Path) -> None:
+    simulator = Simulator.build(strider)
+    trial = trial_of(load_dataset(trials / "seen", strider, simulator.signals), strider.baselines["stride"])
+    shown = take_beside(simulator, trial, 1.0)
+    assert shown.ghost is not None
+    marker = shown.trajectory.stacked("marker")
+    there = np.stack([np.interp(shown.ghost.time, shown.trajectory.time, one) for one in marker.T], axis=1)
+    np.testing.assert_allclose(shown.ghost.positions, there, atol=3e-4)
+    at = float(shown.ghost.time[10])
+    assert len(shown.ghost.before(at, 0.1)) == pytest.approx(0.1 * 30, abs=1)
+    assert len(shown.ghost.before(-1.0, 0.5)) == len(shown.ghost.before(99.0, 0.5)) == 0
+
+
+@needs_opengl
+def test_the_measured_marker_is_drawn(strider: Problem, trials: Path) -> None:
+    simulator = Simulator.build(strider)
+    trial = trial_of(load_dataset(trials / "seen", strider, simulator.signals), strider.baselines["stride"])
+    shown = take_beside(simulator, trial, 1.0)
+    with_ghost, without = (
+        np.asarray(next(frames([one], np.array([0.9]), (320, 180))), int)
+        for one in (shown, replace(shown, ghost=None))
+    )
+    blue = (with_ghost[..., 2] > with_ghost[..., 0] + 80) & (without[..., 2] < without[..., 0] + 80)
+    assert blue.sum() > 20
+
+
+@pytest.mark.parametrize(
+    ("gait", "data", "said"),
+    [("square", "seen", "no trial of square"), ("stride", "blind", "no marker was measured")],
+)
+def test_no_ghost_is_one_line(
+    strider: Problem, trials: Path, gait: str, data: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--video", "walk.mp4", "--measured", str(trials / data)]
+    assert cli.main(["simulate", str(strider.source.parent), gait, *options]) == 1
+    assert said in capsys.readouterr().err
+    assert not Path("walk.mp4").exists()
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
         (["--video", "walk.avi"], "no film format; allowed: a file that ends in .mp4, .gif, .webp"),
         (["--video", "nowhere/walk.mp4"], "no folder nowhere"),
         (["--beside", "square"], "--beside: found no --video"),
+        (["--measured", "trials"], "--measured: found no --video"),
         (["--seconds", "2"], "--seconds: found no --video"),
         (["--video", "walk.mp4", "--seconds", "-1"], "allowed: a positive number"),
         (["--view"], "--view: no screen here"),
