@@ -202,7 +202,10 @@ def _optuna(box: BlackBox, sampler: Any) -> None:
 def ngopt(box: BlackBox, seed: int) -> None:
     """Nevergrad's NGOpt, which chooses by dimension and budget."""
     import nevergrad
+    from nevergrad.optimization import metamodel
 
+    # nevergrad 1.0.12 makes a float of an array of one number, which NumPy 2.4 no longer does
+    metamodel.float = lambda value: float(np.asarray(value).item())
     space = nevergrad.p.Array(init=np.full(box.dimension, 0.5)).set_bounds(0.0, 1.0)
     space.random_state.seed(seed)
     nevergrad.optimizers.NGOpt(space, budget=box.budget).minimize(box)
