@@ -29,6 +29,23 @@ GROWTH = 1e3
 TIMESTEP_CHANGE = 0.05
 TIMESTEP_FLOOR_M_S = 5e-4
 
+REMEDIES = {
+    "unrest_at_start": "Let the robot settle under its start targets, and start there; look for overlapping "
+    "geoms and for springs that are not at rest.",
+    "inert_parameter": "Make the parameter reach what it is meant to change, or take it out: whoever sets it "
+    "believes a number that does nothing.",
+    "diverged": "Take a smaller timestep, an implicit integrator, or softer contacts.",
+    "self_collision": "Exclude pairs of parts that are meant to touch, and move apart those that are not.",
+    "airtime": "A crawler does not fly: look for servos without a torque limit, masses and lengths in wrong "
+    "units, and contacts that throw.",
+    "sideways_drift": "Look for what is not symmetric: contacts, inertias, start pose; or steer against it.",
+    "chaos": "Judge by means over many start poses, never by one rollout; leaps and self-collision cause it.",
+    "command_not_followed": "Make the gait slower or smaller, or the servo stronger, whichever is true to "
+    "the robot; until then commanded angles say little about motion.",
+    "timestep_convergence": "Take a smaller timestep or another integrator until halving it changes nothing.",
+}
+"""What to do about each kind of finding."""
+
 _NUDGE_RAD = 1e-6
 _PARAMETER_CHANGE = 1.1
 _INERT_S = 2.0

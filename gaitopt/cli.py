@@ -297,6 +297,7 @@ def _add_diagnose_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("dataset", type=Path, metavar="DATASET", help="folder with dataset.toml and its trials")
     sub.add_argument("--seed", type=int, help="seed of all randomness (default: 1)")
     sub.add_argument("--effects", metavar="A,B,…", help="try these effects alone (default: all that apply)")
+    sub.add_argument("--full", action="store_true", help="add a film with the measured marker to the report")
     sub.add_argument("--quiet", action="store_true", help="no progress display")
     _add_output_options(sub)
     _add_worker_option(sub)
@@ -634,10 +635,11 @@ def _first_gait(problem: Problem, name: str | None) -> Gait:
 
 def _compare(options: argparse.Namespace) -> None:
     from gaitopt.comparison import compare
+    from gaitopt.display import print_comparison
     from gaitopt.objective import check_objective
     from gaitopt.optimise.executors import open_executor
     from gaitopt.report import verdicts, write_comparison
-    from gaitopt.results import check_new
+    from gaitopt.results import check_new, to_json
 
     check_new(options.out)
     problem = _load(options)
@@ -647,8 +649,10 @@ def _compare(options: argparse.Namespace) -> None:
         rows = compare(problem, gaits, _seed(options.seed), executor)
     if options.out is not None:
         write_comparison(options.out, problem, gaits, rows, _seed(options.seed))
-    _print_rows(rows, options.json)
-    if not options.json:
+    if options.json:
+        print(to_json({"rows": rows}), end="")
+    else:
+        print_comparison(rows)
         for sentence in verdicts(rows):
             print(sentence)
         _say_where(options.out)
@@ -758,7 +762,7 @@ def _diagnose(options: argparse.Namespace) -> None:
     with open_executor("threads", options.workers) as executor:
         with steps_display(options.quiet or options.json) as note:
             diagnosis = diagnose(simulator, dataset, executor, _seed(options.seed), note, among=among)
-        folder = write_diagnosis(options.out, problem, diagnosis, executor)
+        folder = write_diagnosis(options.out, problem, diagnosis, executor, options.full)
     if options.json:
         print(read_text(folder / "diagnosis.json"), end="")
         return
@@ -898,21 +902,16 @@ def _print_rows(rows: list[dict[str, Any]], as_json: bool) -> None:
 
 
 def _print_summary(summary: dict[str, Any]) -> None:
-    from gaitopt.display import print_rows
+    from gaitopt.display import print_table
+    from gaitopt.quantities import figure
 
     rows = []
     for row in [summary["best"], *summary["baselines"]]:
         low, high = (1e3 * end for end in row["speed_ci90_m_s"])
-        rows.append(
-            {
-                "name": row["name"],
-                "period_s": row["period_s"],
-                "speed_mm_s": f"{1e3 * row['speed_m_s']:.1f}",
-                "90 % interval": f"{low:.1f} to {high:.1f}",
-                "constraints": "met" if row["constraints_met"] else "violated",
-            }
-        )
-    print_rows(rows)
+        met = "met" if row["constraints_met"] else "violated"
+        speed = f"{1e3 * row['speed_m_s']:.1f}"
+        rows.append([row["name"], figure(row["period_s"]), speed, f"{low:.1f} to {high:.1f}", met])
+    print_table(["gait", "period [s]", "speed [mm/s]", "90 % interval", "constraints"], rows)
 
 
 def _print_export(answer: dict[str, Any]) -> None:

@@ -22,7 +22,8 @@ Row = dict[str, Any]
 def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executor) -> list[Row]:
     """Return one row per gait: mean speed with interval, and its paired difference to the first gait.
 
-    Every gait meets the same scenarios, so the difference of two is judged scenario by scenario.
+    Every gait meets the same scenarios, so the difference and the ratio of two are judged scenario by
+    scenario. A ratio to a gait that may not go forward at all means nothing, and is None.
     """
     scenarios = scenarios_of(problem, seed, VERIFICATION)
     evaluator = Evaluator(Setting.of(problem, scenarios, problem.simulation.working), executor)
@@ -32,6 +33,7 @@ def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Execut
         speeds = np.array([outcome.metrics["speed_m_s"] for outcome in outcomes])
         first = speeds if first is None else first
         low, high = interval90(speeds - first)
+        ratio, ratio_ci90 = _ratio(speeds, first)
         rows.append(
             {
                 "name": gait.name,
@@ -40,15 +42,29 @@ def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Execut
                 "speed_worst_m_s": float(speeds.min()),
                 "difference_m_s": float((speeds - first).mean()),
                 "difference_ci90_m_s": [low, high],
-                "ratio": float(speeds.mean() / first.mean()) if first.mean() != 0.0 else None,
+                "ratio": ratio,
+                "ratio_ci90": ratio_ci90,
                 "more_than_noise": not low <= 0.0 <= high,
                 "constraints_met": evaluation.constraints_met,
                 "violations": {n: v for n, v in evaluation.violations.items() if v > 0.0},
                 "status": evaluation.status,
+                "scenario_speeds_m_s": speeds.tolist(),
             }
             | evaluation.metrics
         )
     return rows
+
+
+def _ratio(speeds: np.ndarray, first: np.ndarray) -> tuple[float | None, list[float] | None]:
+    """Return the ratio of two means over the same scenarios with its 90 % interval.
+
+    By the delta method: the ratio's error is the mean of (a - r b) / mean(b) over the scenarios.
+    """
+    if not interval90(first)[0] > 0.0:
+        return None, None
+    ratio = float(speeds.mean() / first.mean())
+    low, high = interval90(ratio + (speeds - ratio * first) / first.mean())
+    return ratio, [low, high]
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 from rich.table import Table
 
 from gaitopt.optimise.study import Progress
+from gaitopt.quantities import label_of, shown
 
 _PLAIN_EVERY_S = 10.0
 
@@ -100,22 +103,51 @@ def steps_display(quiet: bool) -> Iterator[Callable[[str, int], None]]:
 
 def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print rows as a table: a column each where they fit, else a line per key."""
-    console = Console()
-    keys = list(rows[0])
-    table = Table()
+    keys = [key for key in rows[0] if not key.startswith("scenario_")]
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     if len(keys) <= 8:
         for key in keys:
-            table.add_column(key, justify="left" if key == "name" else "right")
+            table.add_column(escape(label_of(key)), justify="left" if key == "name" else "right")
         for row in rows:
-            table.add_row(*(_cell(row[key]) for key in keys))
+            table.add_row(*(shown(key, row[key]) for key in keys))
     else:
         table.add_column("")
         for row in rows:
             table.add_column(str(row["name"]), justify="right")
         for key in keys:
             if key != "name":
-                table.add_row(key, *(_cell(row[key]) for row in rows))
-    console.print(table)
+                table.add_row(escape(label_of(key)), *(shown(key, row[key]) for row in rows))
+    Console().print(table)
+
+
+def print_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print rows of texts under a head; the first column holds names."""
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for index, title in enumerate(head):
+        table.add_column(escape(title), justify="right" if index else "left")
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
+
+
+def print_comparison(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print what `compare` found: each figure with half of its 90 % interval."""
+    head = ["gait", "period\n[s]", "speed\n[mm/s]", "difference\n[mm/s]", "ratio", "more than\nnoise"]
+    texts = []
+    for index, row in enumerate(rows):
+        speed = _plus_minus(1e3 * row["speed_m_s"], row["speed_ci90_m_s"], 1e3)
+        apart = _plus_minus(1e3 * row["difference_m_s"], row["difference_ci90_m_s"], 1e3, "+.2f")
+        ratio = _plus_minus(row["ratio"], row["ratio_ci90"], 1.0)
+        against = [apart, ratio, shown("", row["more_than_noise"])] if index else [""] * 3
+        texts.append([str(row["name"]), shown("period_s", row["period_s"]), speed, *against])
+    print_table(head, texts)
+    print("± is half of the 90 % interval; differences and ratios are paired, scenario by scenario.")
+
+
+def _plus_minus(value: float | None, ends: Sequence[float] | None, scale: float, form: str = ".2f") -> str:
+    if value is None or ends is None:
+        return "–"
+    return f"{value:{form}}\u00a0±\u00a0{0.5 * scale * (ends[1] - ends[0]):.2f}"
 
 
 def print_effects(rows: Sequence[Mapping[str, Any]]) -> None:
@@ -132,17 +164,6 @@ def _effect_figures(row: Mapping[str, Any]) -> str:
     low, high = row["bounds"]
     times = f" times {row['bounds_times']}" if row["bounds_times"] else ""
     target = f"; target: {row['target']}" if row["target"] else ""
-    neutral = _cell(row["neutral"])
+    neutral = row["neutral"]
+    neutral = f"{neutral:.4g}" if isinstance(neutral, float) else neutral
     return f"{row['parameter']}{unit}: neutral {neutral}, plausible {low:.3g} to {high:.3g}{times}{target}"
-
-
-def _cell(value: object) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, list):
-        return " to ".join(_cell(item) for item in value)
-    if isinstance(value, dict):
-        return ", ".join(value) or "none"
-    return str(value)

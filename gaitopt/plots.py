@@ -26,8 +26,8 @@ COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#0
 STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), "-")
 BEST_COLOUR = "#d55e00"
 
-_WIDTH = 6.6
-"""Inches: on a phone, a page across, ten-point type is still legible."""
+_WIDTH = 6.0
+"""Inches: the column of a printed page; on a phone, a page across, ten-point type is still legible."""
 
 _MARKS = ("o", "^", "s", "D", "v")
 _SLIDING_M_S = 5e-3
@@ -57,12 +57,15 @@ def overlay(trajectories: Mapping[str, Trajectory], roles: Roles, best: str | No
     return figure
 
 
-def panels(trajectories: Mapping[str, Trajectory], roles: Roles, axis: int = 0) -> Figure:
+def panels(
+    trajectories: Mapping[str, Trajectory], roles: Roles, axis: int = 0, best: str | None = None
+) -> Figure:
     """Draw the marker's position along forward (0), left (1) or up (2), each gait in a panel of its own."""
-    figure = Figure(figsize=(_WIDTH, 0.5 + 1.7 * len(trajectories)), layout="constrained")
-    grid = figure.subplots(len(trajectories), 1, squeeze=False)
+    figure = Figure(figsize=(_WIDTH, 0.5 + 1.5 * len(trajectories)), layout="constrained")
+    grid = figure.subplots(len(trajectories), 1, squeeze=False, sharex=True)
     for axes, (name, trajectory) in zip(grid[:, 0], trajectories.items(), strict=True):
-        axes.plot(*_thinned(trajectory.time, 1e3 * along(trajectory, roles, axis)), color=COLOURS[0])
+        colour = BEST_COLOUR if name == best else COLOURS[0]
+        axes.plot(*_thinned(trajectory.time, 1e3 * along(trajectory, roles, axis)), color=colour)
         axes.set_title(name, loc="left", fontsize=10)
         finish(axes, "", f"{('forward', 'left', 'up')[axis]} [mm]", legend=False)
     grid[-1, 0].set_xlabel("time [s]")
@@ -77,14 +80,42 @@ def speeds(rows: Sequence[Mapping[str, Any]], best: str | None = None) -> Figure
     mean = np.array([1e3 * row["speed_m_s"] for row in rows])
     ends = np.array([[1e3 * end for end in row["speed_ci90_m_s"]] for row in rows])
     colours = [BEST_COLOUR if row["name"] == best else COLOURS[0] for row in rows]
-    axes.barh(places, mean, color=colours, height=0.6, alpha=0.85)
+    axes.barh(places, mean, color=colours, height=0.6)
     errors = np.abs(ends - mean[:, None]).T
     axes.errorbar(mean, places, xerr=errors, fmt="none", ecolor="k", capsize=4, label="90 % interval")
-    worst = [1e3 * row["speed_worst_m_s"] for row in rows]
+    worst = np.array([1e3 * row["speed_worst_m_s"] for row in rows])
     axes.plot(worst, places, "kx", markersize=6, label="worst scenario")
+    _write_beside(axes, np.nanmax([ends[:, 1], worst, np.zeros(len(rows))], axis=0), places, mean)
     axes.set_yticks(places, [str(row["name"]) for row in rows])
     axes.axvline(0.0, color="k", linewidth=0.8)
-    finish(axes, "forward speed [mm/s]", "")
+    finish(axes, "forward speed [mm/s]", "", legend=False)
+    legend_below(figure, axes, 2)
+    return figure
+
+
+def differences(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Draw by how much each gait after the first is faster than the first, scenario by scenario."""
+    others = rows[1:]
+    figure = Figure(figsize=(_WIDTH, 1.3 + 0.5 * len(others)), layout="constrained")
+    axes = figure.subplots()
+    places = np.arange(len(others))[::-1]
+    first = np.array(rows[0]["scenario_speeds_m_s"])
+    for place, row in zip(places.tolist(), others, strict=True):
+        apart = 1e3 * (np.array(row["scenario_speeds_m_s"]) - first)
+        spread = place + 0.16 * np.linspace(-1.0, 1.0, len(apart))
+        label = "a scenario" if row is others[0] else None
+        axes.plot(apart, spread, "o", color=COLOURS[0], markersize=3.5, alpha=0.8, label=label)
+    mean = np.array([1e3 * row["difference_m_s"] for row in others])
+    ends = np.array([[1e3 * end for end in row["difference_ci90_m_s"]] for row in others])
+    axes.errorbar(
+        mean, places, xerr=np.abs(ends - mean[:, None]).T, fmt="kD", markersize=5, capsize=5,
+        label="mean, 90 % interval",
+    )  # fmt: skip
+    axes.set_yticks(places, [str(row["name"]) for row in others])
+    axes.set_ylim(-0.6, len(others) - 0.4)
+    axes.axvline(0.0, color="k", linewidth=0.8, linestyle="--")
+    finish(axes, f"forward speed over that of {rows[0]['name']} [mm/s]", "", legend=False)
+    legend_below(figure, axes, 2)
     return figure
 
 
@@ -113,7 +144,7 @@ def convergence(entries: Sequence[Entry], baselines: Mapping[str, float]) -> Fig
             1e3 * speed_m_s, color="0.45", linestyle=STYLES[index % len(STYLES)], linewidth=1.0, label=name
         )
     finish(axes, "gait evaluated", "forward speed [mm/s]", legend=False)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8.5)
+    legend_below(figure, axes, 3)
     return figure
 
 
@@ -197,7 +228,22 @@ def angles(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) -
         axes.set_title(f"{name}{limit}", loc="left", fontsize=10)
         finish(axes, "", "angle [°]", legend=False)
     grid[-1].set_xlabel("time [s]")
-    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8.5)
+    legend_below(figure, grid[0], 4)
+    return figure
+
+
+def commanded(gait: Gait) -> Figure:
+    """Draw what a gait commands each servo over one cycle."""
+    cycle = np.linspace(0.0, 1.0, 1001)
+    figure = Figure(figsize=(_WIDTH, 0.6 + 1.3 * len(gait.channels)), layout="constrained")
+    grid = figure.subplots(len(gait.channels), 1, sharex=True, squeeze=False)[:, 0]
+    targets = np.rad2deg(gait.targets(cycle * gait.period_s))
+    for axes, name, series in zip(grid, gait.channels, targets.T, strict=True):
+        axes.plot(cycle, series, color=COLOURS[0])
+        axes.set_title(name, loc="left", fontsize=10)
+        finish(axes, "", "angle [°]", legend=False)
+    grid[-1].set_xlabel(f"share of the cycle of {gait.period_s:.3g} s")
+    grid[-1].set_xlim(0.0, 1.0)
     return figure
 
 
@@ -225,7 +271,9 @@ def sensitivity(found: Sequence[Sensitivity], step: str) -> Figure:
     )  # fmt: skip
     axes.set_yticks(places, [one.name for one in ranked], fontsize=8)
     axes.axvline(0.0, color="k", linewidth=0.8)
-    finish(axes, "change of the forward speed [mm/s]", "")
+    axes.margins(y=0.02)
+    finish(axes, "change of the forward speed [mm/s]", "", legend=False)
+    legend_below(figure, axes, 3)
     return figure
 
 
@@ -258,12 +306,41 @@ def finish(axes: Axes, x: str, y: str, legend: bool = True) -> None:
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     axes.grid(color="0.85", linewidth=0.6)
+    axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     if legend:
         axes.legend(fontsize=8.5, framealpha=0.9, loc="best")
 
 
+def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
+    """Put the legend under a figure, where it hides nothing."""
+    figure.legend(
+        *axes.get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=columns,
+        fontsize=8.5,
+        frameon=False,
+    )
+
+
 # --- parts ------------------------------------------------------------------------------------
+
+
+def _write_beside(
+    axes: Axes, ends: NDArray[np.float64], places: NDArray[np.intp], values: NDArray[np.float64]
+) -> None:
+    """Write the values beside bars that end there."""
+    for end, place, value in zip(ends, places, values, strict=True):
+        if np.isfinite(value):
+            axes.annotate(
+                f"{value:.1f}",
+                (end, place),
+                xytext=(7, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=9,
+            )
+    axes.margins(x=0.12)
 
 
 def _commanded_and_reached(
@@ -323,7 +400,9 @@ def _pad_bars(axes: Axes, cycle: NDArray[np.float64], contacts: Mapping[str, NDA
     axes.set_ylim(len(contacts) - 0.4, -0.6)
     axes.set_title("pads under load", loc="left", fontsize=10)
     finish(axes, "", "", legend=False)
-    axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8.5)
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    legend_below(figure, axes, 3)
 
 
 def _shade(axes: Axes, x: NDArray[np.float64], where: NDArray[np.bool_], **look: Any) -> None:

@@ -1,37 +1,32 @@
-"""One self-contained HTML page per run: what was asked, the answer, the tables, the figures."""
+"""The reports of runs: the page, the figures and the files of a search, a comparison, an audit or a sweep."""
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import jinja2
-from matplotlib import pyplot as plt
-from matplotlib.figure import Figure
-
 from gaitopt import plots
+from gaitopt.check import REMEDIES
 from gaitopt.errors import GaitoptError
 from gaitopt.files import write_text, write_with
 from gaitopt.gait import Gait
+from gaitopt.metrics import METRICS
 from gaitopt.model import Robot
 from gaitopt.optimise.run import Optimised
 from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, Sensitivity
+from gaitopt.page import Page, Picture, Section, Table, folded, image_section, png, save_figures, writer
 from gaitopt.problem import Objective, Problem
+from gaitopt.quantities import figure, label_of, shown, title_of
 from gaitopt.results import RunFolder, new_folder, to_json, write_into
 from gaitopt.rollout import Simulator
 from gaitopt.trajectory import Trajectory
 
-_DPI = 240
-"""Of a figure 6.6 inches wide: enough for print."""
-
 _LOOP_S = 3.0
 """A film in a report shows whole cycles that last at least this long."""
 
-Pictures = dict[str, tuple[Figure, str]]
+Pictures = dict[str, Picture]
 
 
 def write_report(
@@ -53,25 +48,43 @@ def write_report(
         sensitive: the sensitivities of its speed, where they were asked for.
     """
     simulator = Simulator.build(problem)
-    films, notes = _film(folder.path, simulator, optimised, summary) if full else ([], [])
-    best = optimised.best.gait
+    films, notes = film_section(folder.path, simulator, optimised, summary) if full else ([], [])
     pictures = _pictures(simulator, optimised, summary)
     pictures |= _front_picture(optimised) | _sensitivity_pictures(sensitive)
-    content = {
-        "title": f"{problem.name}: optimised gait against hand-tuned gaits",
-        "asked": _asked(problem, summary),
-        "answer": answer_of(summary),
-        "notes": [*summary["notes"], *notes],
-        "tables": [_speed_table(summary), _metric_table(summary)],
-        "films": films,
-        "figures": save_figures(folder.path, pictures),
-        "blocks": [{"title": "The optimised gait (best.toml)", "text": best.to_toml()}],
-    }
     if sensitive:
         rows = [asdict(one) for one in sensitive]
         folder.file("sensitivity.json", lambda path: write_text(path, to_json({"rows": rows})))
-    text = render("run.html", **content)
-    folder.file("report.html", lambda path: write_text(path, text))
+    page = Page(
+        title=f"{problem.name}: optimised gait against hand-tuned gaits",
+        answer=answer_of(summary),
+        asked=_asked(problem, summary),
+        tiles=_tiles(summary),
+        notes=[*summary["notes"], *notes],
+        sections=[
+            *films,
+            Section("Optimised against hand-tuned", table=_speed_table(summary)),
+            *save_figures(folder.path, pictures),
+            Section("The optimised gait", table=gait_table(optimised.best.gait, "best.toml")),
+            folded(Section("All metrics", table=_metric_table(summary))),
+            Section("What next", commands=_next_commands(folder.path)),
+        ],
+    )
+    folder.file("report.html", lambda path: write_text(path, page.html()))
+
+
+def answer_of(summary: Mapping[str, Any]) -> str:
+    """Return the result of a run in one sentence."""
+    best = summary["best"]
+    speed, (low, high) = best["speed_m_s"], best["speed_ci90_m_s"]
+    text = (
+        f"The best gait crawls at {1e3 * speed:.1f} mm/s (90 % interval {1e3 * low:.1f} to {1e3 * high:.1f})"
+    )
+    ratio = summary["ratio_to_best_baseline"]
+    if ratio is not None:
+        fastest = max(summary["baselines"], key=lambda row: row["speed_m_s"])
+        text += f", {ratio:.2f} times the fastest hand-tuned gait, {fastest['name']}"
+    met = "meets every constraint" if best["constraints_met"] else f"violates {_names(best['violations'])}"
+    return f"{text}, and {met}."
 
 
 def _pictures(simulator: Simulator, optimised: Optimised, summary: Mapping[str, Any]) -> Pictures:
@@ -79,34 +92,42 @@ def _pictures(simulator: Simulator, optimised: Optimised, summary: Mapping[str, 
     robot = Robot.of(simulator.models[0])
     trajectories = nominal_trajectories(problem, {"best": best, **problem.baselines})
     hand_tuned = {row["name"]: row["speed_m_s"] for row in summary["baselines"]}
-    pictures: Pictures = {
-        "speeds": (
+    pictures = {
+        "speeds": Picture(
+            "Speed",
             plots.speeds([summary["best"], *summary["baselines"]], best="best"),
-            "Forward speed of the optimised gait and of each hand-tuned one, over scenarios that the search "
-            "never saw. Bars whose intervals do not overlap differ by more than noise.",
+            "Forward speed of the optimised gait (orange) and of each hand-tuned one, over scenarios that "
+            "the search never saw. Bars whose intervals do not overlap differ by more than noise.",
         ),
-        "position": (
+        "position": Picture(
+            "Position over time",
             plots.overlay(trajectories, problem.roles, best="best"),
             "Forward position of the marker for each gait, on the nominal robot. The steeper the line, the "
-            "faster the gait; steps back are slip.",
+            "faster the gait; steps back are slip, or the body folding.",
         ),
-        "periods": (
-            plots.panels(trajectories, problem.roles),
-            "The same, one gait a panel: rises are strides, falls are slip.",
+        "periods": Picture(
+            "Each gait by itself",
+            plots.panels(trajectories, problem.roles, best="best"),
+            "The same, one gait a panel, each with a scale of its own: rises are strides, falls are slip or "
+            "the body folding. Even steps mean a gait that repeats itself.",
         ),
     }
     if trajectories["best"].status == "ok":
-        pictures["gait"] = (
+        pictures["gait"] = Picture(
+            "Gait diagram",
             plots.gait_diagram(problem, best, trajectories["best"], robot),
-            "One cycle of the optimised gait. Grey: a pad holds the ground; orange: a loaded pad slips back, "
-            "which costs travel. The bars below say which pad it is.",
+            "One cycle of the optimised gait. Grey ground: a pad holds; orange: a loaded pad slips back, "
+            "which costs travel. The bars at the foot say which pad it is.",
         )
-        pictures["angles"] = (
+        pictures["angles"] = Picture(
+            "Commanded and reached angles",
             plots.angles(problem, best, trajectories["best"], robot),
             "Commanded and reached angles of each servo with its range. Where the reached angle falls behind "
-            "while the torque is at its limit, the servo is too weak or the gait too fast for it.",
+            "while the torque is at its limit (shaded), the servo is too weak for the gait, or the gait too "
+            "fast for the servo.",
         )
-    pictures["convergence"] = (
+    pictures["convergence"] = Picture(
+        "Convergence of the search",
         plots.convergence(optimised.entries, hand_tuned),
         "Speed of every gait evaluated, by method; stars are planned gaits, where the search started from "
         "some. Crosses violate a constraint; the best so far counts violations too, so it may step down to a "
@@ -123,7 +144,8 @@ def _front_picture(optimised: Optimised) -> Pictures:
         for found in optimised.baselines
     }
     return {
-        "pareto": (
+        "pareto": Picture(
+            "Speed against cost of transport",
             plots.front(optimised.entries, optimised.front, baselines),
             "Speed against cost of transport (energy per weight and distance). A gait on the front is beaten "
             "by no other in both; its numbers are in pareto.csv, and each is a gait file in pareto/.",
@@ -133,26 +155,40 @@ def _front_picture(optimised: Optimised) -> Pictures:
 
 def _sensitivity_pictures(sensitive: Sequence[Sensitivity]) -> Pictures:
     said = {
-        "gait": (f"{GAIT_STEP:.0%} of its range", "its numbers", "what to set with care on the robot"),
-        "model": (f"{MODEL_STEP:.0%} of its value", "the model's parameters", "what is worth measuring well"),
+        "gait": (
+            f"{100 * GAIT_STEP:.0f} % of its range",
+            "its numbers",
+            "what to set with care on the robot",
+        ),
+        "model": (
+            f"{100 * MODEL_STEP:.0f} % of its value",
+            "the model's parameters",
+            "what is worth measuring well",
+        ),
     }
-    names = {"gait": "sensitivity", "model": "sensitivity-model"}
+    names = {
+        "gait": ("sensitivity", "Sensitivity to the gait"),
+        "model": ("sensitivity-model", "Sensitivity to the model"),
+    }
     pictures: Pictures = {}
     for kind, (step, numbers, lesson) in said.items():
         chosen = [one for one in sensitive if one.kind == kind]
         if chosen:
-            pictures[names[kind]] = (
+            name, title = names[kind]
+            pictures[name] = Picture(
+                title,
                 plots.sensitivity(chosen, step),
                 f"How the speed of the optimised gait changes when one of {numbers} moves by {step}, in the "
-                f"mean over scenarios that are the same for all. Long bars are {lesson}; where the black "
-                "interval crosses 0, up and down differ by no more than noise.",
+                f"mean over scenarios that are the same for all. Long bars are {lesson}. The black mark is "
+                "half the difference of up and down; where its interval crosses 0, they differ by no more "
+                "than noise.",
             )
     return pictures
 
 
-def _film(
+def film_section(
     folder: Path, simulator: Simulator, optimised: Optimised, summary: Mapping[str, Any]
-) -> tuple[list[dict[str, str]], list[str]]:
+) -> tuple[list[Section], list[str]]:
     """Film the winner beside the fastest baseline; where that cannot be, say why."""
     from gaitopt.video import take, write_film
 
@@ -167,30 +203,13 @@ def _film(
         takes = [take(simulator, gait, end) for gait in gaits]
         path = write_into(folder, "figures/walk.webp", lambda file: write_film(file, takes, begin, end))
     except GaitoptError as error:
-        return [], [f"no film: {error}"]
-    data = base64.b64encode(path.read_bytes()).decode()
+        return [], [f"No film: {error}"]
     caption = (
         "The optimised gait" + (" beside the fastest hand-tuned one" if len(gaits) > 1 else "") + ", on the "
-        "nominal robot, once it walks steadily. The camera follows; the stripes on the ground stand still."
+        "nominal robot, once it walks steadily; the speed is of this one rollout. The camera follows; the "
+        "stripes on the ground stand still."
     )
-    return [{"name": "walk", "data": data, "caption": caption}], []
-
-
-def save_figures(folder: Path, figures: Mapping[str, tuple[Figure, str]]) -> list[dict[str, str]]:
-    """Write figures with their captions into ``figures/``, and return what a page needs to show them."""
-    shown = []
-    for name, (figure, caption) in figures.items():
-        data = _png(figure)
-        write_into(folder, f"figures/{name}.png", _writer(data))
-        shown.append({"name": name, "data": base64.b64encode(data).decode(), "caption": caption})
-    return shown
-
-
-def render(template: str, **content: Any) -> str:
-    """Return the page of a template."""
-    loader = jinja2.PackageLoader("gaitopt")
-    page = jinja2.Environment(autoescape=True, loader=loader).get_template(template)
-    return page.render(**content)
+    return [image_section("The gait, filmed", path.read_bytes(), "webp", caption)], []
 
 
 def write_comparison(
@@ -200,76 +219,121 @@ def write_comparison(
     folder = new_folder(path, f"{problem.name}-compare")
     names = [str(row["name"]) for row in rows]
     trajectories = nominal_trajectories(problem, dict(zip(names, gaits, strict=True)))
-    pictures: Pictures = {
-        "speeds": (
+    pictures = {
+        "speeds": Picture(
+            "Speed",
             plots.speeds(rows),
             "Mean forward speed of each gait over the same scenarios. Because they are the same, the paired "
-            "difference in the table is sharper than these intervals.",
-        ),
-        "position": (
-            plots.overlay(trajectories, problem.roles),
-            "Forward position of the marker on the nominal robot: the steeper, the faster.",
-        ),
+            "differences are sharper than these intervals.",
+        )
     }
-    text = render(
-        "run.html",
-        title=f"{problem.name}: gaits compared",
-        asked=f"{len(gaits)} gaits over {problem.file.scenarios.verification} scenarios of {problem.name}, "
-        f"seed {seed}, at {problem.simulation.working.timestep_s:g} s",
-        answer=" ".join(verdicts(rows)) or f"{names[0]} alone: nothing to compare with.",
-        tables=[_comparison_table(rows)],
-        figures=save_figures(folder, pictures),
+    if len(rows) > 1:
+        pictures["differences"] = Picture(
+            "Paired differences",
+            plots.differences(rows),
+            f"By how much each gait is faster than {names[0]}, scenario by scenario (dots), with the mean "
+            "and its 90 % interval (black). An interval that crosses 0 is no more than noise.",
+        )
+    pictures["position"] = Picture(
+        "Position over time",
+        plots.overlay(trajectories, problem.roles),
+        "Forward position of the marker on the nominal robot: the steeper, the faster.",
     )
-    write_into(folder, "report.html", lambda file: write_text(file, text))
+    page = Page(
+        title=f"{problem.name}: gaits compared",
+        answer=" ".join(verdicts(rows)) or f"{names[0]} alone: nothing to compare with.",
+        asked={
+            "Gaits": ", ".join(names),
+            "Scenarios": f"{problem.file.scenarios.verification} of {problem.name}, seed {seed}, the same "
+            f"for each gait{_rule(problem.file.objective)}",
+            "Simulated": f"at {figure(problem.simulation.working.timestep_s)} s, "
+            f"{problem.simulation.working.integrator}",
+        },
+        sections=[
+            Section("Over the same scenarios", table=_each_table(rows)),
+            *([Section(f"Against {names[0]}", table=_paired_table(rows))] if len(rows) > 1 else []),
+            *save_figures(folder, pictures),
+            folded(Section("All metrics", table=_all_metrics(rows, [_metrics(row) for row in rows]))),
+        ],
+    )
+    write_into(folder, "report.html", lambda file: write_text(file, page.html()))
     write_into(folder, "compare.json", lambda file: write_text(file, to_json({"rows": rows})))
     return folder
 
 
 def verdicts(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return one sentence for each gait after the first: how it differs, and whether by more than noise."""
-    sentences = []
-    for row in rows[1:]:
-        low, high = (1e3 * end for end in row["difference_ci90_m_s"])
-        verdict = "more than noise" if row["more_than_noise"] else "not more than noise"
-        sentences.append(
-            f"{row['name']} against {rows[0]['name']}: {1e3 * row['difference_m_s']:+.2f} mm/s "
-            f"(90 % interval {low:+.2f} to {high:+.2f}), {verdict}."
+    return [_verdict(row, rows[0]["name"]) for row in rows[1:]]
+
+
+def _verdict(row: Mapping[str, Any], first: str) -> str:
+    difference, ends = 1e3 * row["difference_m_s"], [1e3 * end for end in row["difference_ci90_m_s"]]
+    if not all(map(_finite, (difference, *ends))):
+        return f"{row['name']} cannot be compared with {first}: a simulation failed."
+    times = ""
+    if row["ratio"] is not None:
+        times = f", {row['ratio']:.2f} times its speed ({_interval(row['ratio_ci90'], '.2f', 1.0)})"
+    if not row["more_than_noise"]:
+        return (
+            f"{row['name']} differs from {first} by no more than noise: {difference:+.2f} mm/s "
+            f"(90 % interval {ends[0]:+.2f} to {ends[1]:+.2f}){times}."
         )
-    return sentences
+    low, high = sorted(map(abs, ends))
+    return (
+        f"{row['name']} is {'faster' if difference > 0.0 else 'slower'} than {first} by "
+        f"{abs(difference):.2f} mm/s (90 % interval {low:.2f} to {high:.2f}){times}: more than noise."
+    )
+
+
+def _finite(value: float) -> bool:
+    return abs(value) < float("inf")
 
 
 def write_audit(path: Path, problem: Problem, rows: Sequence[Mapping[str, Any]]) -> Path:
     """Write the page, the figures and the findings of an audit, and return their folder."""
     folder = new_folder(path, f"{problem.name}-check")
     trajectories = nominal_trajectories(problem, problem.baselines)
-    shown = {name: one for name, one in trajectories.items() if one.status == "ok"}
+    able = {name: one for name, one in trajectories.items() if one.status == "ok"}
     pictures: Pictures = {}
     if any(row["limit"] > 0.0 for row in rows):
-        pictures["findings"] = (
+        pictures["findings"] = Picture(
+            "How far beyond the limits",
             plots.findings(rows),
             "Each finding that has a limit, as a multiple of it. Shares that should be larger, such as the "
             "travel that a servo reaches, lie left of the line.",
         )
-    if shown:
-        pictures["position"] = (
-            plots.overlay(shown, problem.roles),
+    if able:
+        pictures["position"] = Picture(
+            "Position over time",
+            plots.overlay(able, problem.roles),
             "Forward position of the marker: a robot that crawls goes up in even steps.",
         )
-        pictures["height"] = (
-            plots.panels(shown, problem.roles, axis=2),
+        pictures["height"] = Picture(
+            "Height over time",
+            plots.panels(able, problem.roles, axis=2),
             "Height of the marker over its start: leaps of many millimetres are flights, not steps.",
         )
-    names = sorted({str(row["name"]) for row in rows})
-    text = render(
-        "run.html",
+    kinds = list(dict.fromkeys(str(row["name"]) for row in rows))
+    found = f"{len(rows)} finding{'s' * (len(rows) != 1)} of {len(kinds)} kind{'s' * (len(kinds) != 1)}"
+    page = Page(
         title=f"{problem.name}: audit of the model",
-        asked=f"{problem.name} at {problem.simulation.working.timestep_s:g} s, "
-        f"{problem.simulation.working.integrator}, over {len(problem.baselines)} hand-tuned gaits",
-        answer=f"{len(rows)} findings: {', '.join(names)}." if rows else "Nothing found.",
-        tables=[_finding_table(rows)] if rows else [],
-        figures=save_figures(folder, pictures),
+        answer=f"{found}: {', '.join(map(title_of, kinds))}. Repair these before you trust a speed."
+        if rows
+        else "Nothing found: the model passes every check.",
+        asked={
+            "Checked": "rest at the start, inert parameters, self-collision, airtime, drift, chaos, timestep "
+            "and servos that do not follow",
+            "Gaits": ", ".join(problem.baselines) or "none",
+            "Simulated": f"at {figure(problem.simulation.working.timestep_s)} s, "
+            f"{problem.simulation.working.integrator}",
+        },
+        sections=[
+            *([Section("What to do", table=_remedy_table(rows, kinds))] if rows else []),
+            *save_figures(folder, pictures),
+            *([Section("Every finding", table=_finding_table(rows))] if rows else []),
+        ],
     )
-    write_into(folder, "report.html", lambda file: write_text(file, text))
+    write_into(folder, "report.html", lambda file: write_text(file, page.html()))
     write_into(folder, "check.json", lambda file: write_text(file, to_json({"findings": rows})))
     return folder
 
@@ -286,8 +350,8 @@ def write_sweep(path: Path | None, problem: Problem, points: Sequence[tuple[Prob
     }
     roles = problem.roles
     figures = {"overlay": plots.overlay(trajectories, roles), "panels": plots.panels(trajectories, roles)}
-    for name, figure in figures.items():
-        write_with(folder / f"{name}.png", _writer(_png(figure)))
+    for name, drawn in figures.items():
+        write_with(folder / f"{name}.png", writer(png(drawn)))
     return folder
 
 
@@ -298,144 +362,192 @@ def nominal_trajectories(problem: Problem, gaits: Mapping[str, Gait]) -> dict[st
     return {name: simulator.run(gait, duration=duration) for name, gait in gaits.items()}
 
 
-def answer_of(summary: Mapping[str, Any]) -> str:
-    """Return the result of a run in one sentence."""
-    best = summary["best"]
-    speed, (low, high) = best["speed_m_s"], best["speed_ci90_m_s"]
-    text = (
-        f"The best gait crawls at {1e3 * speed:.1f} mm/s (90 % interval {1e3 * low:.1f} to {1e3 * high:.1f})"
-    )
-    ratio = summary["ratio_to_best_baseline"]
-    if ratio is not None:
-        fastest = max(summary["baselines"], key=lambda row: row["speed_m_s"])
-        text += f", {ratio:.2f} times the fastest hand-tuned gait, {fastest['name']}"
-    met = "meets every constraint" if best["constraints_met"] else "violates " + ", ".join(best["violations"])
-    return f"{text}, and {met}."
+# --- what is asked and answered -----------------------------------------------------------------
 
 
-def _asked(problem: Problem, summary: Mapping[str, Any]) -> str:
-    objective = problem.file.objective
-    terms = ", ".join(f"{'more' if w < 0.0 else 'less'} {name}" for name, w in objective.terms.items())
-    limits = ", ".join(objective.constraints) or "nothing"
+def _asked(problem: Problem, summary: Mapping[str, Any]) -> dict[str, str]:
+    objective, verified = problem.file.objective, summary["verified"]
+    terms = (f"{'more' if w < 0.0 else 'less'} {title_of(name)}" for name, w in objective.terms.items())
     started = "from planned gaits" if summary["warm_start"] else "cold"
-    return (
-        f"{problem.name}, seed {summary['seed']}: {summary['evaluations']} gaits by method "
-        f"{summary['method']!r}, started {started}, for {terms}, with limits on {limits}{_rule(objective)}"
-    )
+    return {
+        "Robot": f"{problem.name}{': ' * bool(problem.file.description)}{problem.file.description}",
+        "For": f"{', '.join(terms)}{_rule(objective)}",
+        "Limits on": _names(objective.constraints) or "nothing",
+        "Search": f"{summary['evaluations']} gaits, method {summary['method']}, started {started}, seed "
+        f"{summary['seed']}; {summary['simulated_s']:.0f} s simulated in {summary['wall_s']:.0f} s",
+        "Verified": f"over {verified['scenarios']} scenarios that the search never saw, at "
+        f"{figure(verified['timestep_s'])} s, {verified['integrator']}",
+    }
 
 
 def _rule(objective: Objective) -> str:
     share = objective.worse_share
     if share is None:
         return ""
-    return f", by its {share:.0%} quantile over scenarios" if share else ", by its worst scenario"
+    return f", by its {100 * share:.0f} % quantile over scenarios" if share else ", by its worst scenario"
 
 
-def _speed_table(summary: Mapping[str, Any]) -> dict[str, Any]:
-    verified = summary["verified"]
-    rows = [summary["best"], *summary["baselines"]]
-    return {
-        "title": "Optimised against hand-tuned",
-        "mark_first": True,
-        "text_last": True,
-        "head": [
-            "gait",
-            "period [s]",
-            "speed [mm/s]",
-            "90 % interval",
-            "worst case",
-            "stride [mm]",
-            "constraints",
-        ],
-        "rows": [
-            [
-                row["name"],
-                f"{row['period_s']:.3g}",
-                f"{1e3 * row['speed_m_s']:.1f}",
-                " to ".join(f"{1e3 * end:.1f}" for end in row["speed_ci90_m_s"]),
-                f"{1e3 * row['speed_worst_m_s']:.1f}",
-                f"{1e3 * row['stride_m']:.1f}",
-                "met" if row["constraints_met"] else "violated: " + ", ".join(row["violations"]),
-            ]
-            for row in rows
-        ],
-        "note": f"Mean over {verified['scenarios']} scenarios that the search never saw, at "
-        f"{verified['timestep_s']:g} s, {verified['integrator']}.",
-    }
-
-
-def _metric_table(summary: Mapping[str, Any]) -> dict[str, Any]:
-    rows = [summary["best"], *summary["baselines"]]
-    return {
-        "title": "All metrics",
-        "mark_first": False,
-        "head": ["metric", *(row["name"] for row in rows)],
-        "rows": [
-            [name, *(_number(row["metrics"][name]) for row in rows)] for name in summary["best"]["metrics"]
-        ],
-        "note": "Means over the same scenarios; of drifts, the mean size. Units end the names.",
-    }
-
-
-def _comparison_table(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    return {
-        "title": "Over the same scenarios",
-        "mark_first": False,
-        "text_last": True,
-        "head": [
-            *("gait", "period [s]", "speed [mm/s]", "90 % interval", "difference [mm/s]"),
-            *("90 % interval", "ratio", "more than noise", "constraints"),
-        ],
-        "rows": [
-            [
-                row["name"],
-                f"{row['period_s']:.3g}",
-                f"{1e3 * row['speed_m_s']:.2f}",
-                " to ".join(f"{1e3 * end:.2f}" for end in row["speed_ci90_m_s"]),
-                *(_against_first(row) if index else ["", "", "", ""]),
-                "met" if row["constraints_met"] else "violated: " + ", ".join(row["violations"]),
-            ]
-            for index, row in enumerate(rows)
-        ],
-        "note": f"Differences and ratios are to {rows[0]['name']}, scenario by scenario.",
-    }
-
-
-def _against_first(row: Mapping[str, Any]) -> list[str]:
+def _tiles(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    best = summary["best"]
+    low, high = (1e3 * end for end in best["speed_ci90_m_s"])
+    tiles = [
+        (f"{1e3 * best['speed_m_s']:.1f} mm/s", f"forward speed, 90 % interval {low:.1f} to {high:.1f}"),
+        (f"{figure(best['period_s'])} s", f"period; {1e3 * best['stride_m']:.1f} mm a stride"),
+    ]
+    if summary["ratio_to_best_baseline"] is not None:
+        fastest = max(summary["baselines"], key=lambda row: row["speed_m_s"])
+        tiles.insert(1, (f"{summary['ratio_to_best_baseline']:.2f} times", f"the speed of {fastest['name']}"))
+    met = "met" if best["constraints_met"] else "violated"
     return [
-        f"{1e3 * row['difference_m_s']:+.2f}",
-        " to ".join(f"{1e3 * end:+.2f}" for end in row["difference_ci90_m_s"]),
-        "" if row["ratio"] is None else f"{row['ratio']:.2f}",
-        "yes" if row["more_than_noise"] else "no",
+        *tiles,
+        (met, "constraints, in the mean" if best["constraints_met"] else _names(best["violations"])),
     ]
 
 
-def _finding_table(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    return {
-        "title": "Findings",
-        "text_last": True,
-        "head": ["finding", "gait", "value", "limit", "what it means"],
-        "rows": [
-            [row["name"], row["gait"], _number(row["value"]), _number(row["limit"]), row["message"]]
+def _next_commands(folder: Path) -> list[str]:
+    return [
+        f"gaitopt simulate {folder} {folder} --video walk.mp4",
+        f"gaitopt export {folder} {folder} --format micropython --out player",
+        f"gaitopt diagnose {folder} trials",
+    ]
+
+
+def _names(metrics: Mapping[str, object]) -> str:
+    return ", ".join(title_of(name) for name in metrics)
+
+
+# --- tables -------------------------------------------------------------------------------------
+
+
+def _speed_table(summary: Mapping[str, Any]) -> Table:
+    rows = [summary["best"], *summary["baselines"]]
+    verified = summary["verified"]
+    return Table(
+        head=[
+            *("gait", "period [s]", "speed [mm/s]", "90 % interval", "worst scenario"),
+            *("stride [mm]", "cost of transport", "constraints"),
+        ],
+        rows=[
+            [
+                row["name"],
+                figure(row["period_s"]),
+                f"{1e3 * row['speed_m_s']:.1f}",
+                _interval(row["speed_ci90_m_s"], ".1f"),
+                f"{1e3 * row['speed_worst_m_s']:.1f}",
+                f"{1e3 * row['stride_m']:.1f}",
+                f"{row['metrics']['cost_of_transport']:.2f}",
+                _constraints(row),
+            ]
             for row in rows
         ],
-        "note": "",
-    }
+        note=f"Mean over {verified['scenarios']} scenarios that the search never saw.",
+        mark_first=True,
+        words=(7,),
+    )
 
 
-def _number(value: float) -> str:
-    return f"{value:.4g}"
+def _each_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    return Table(
+        head=["gait", "period [s]", "speed [mm/s]", "90 % interval", "worst scenario", "constraints"],
+        rows=[
+            [
+                row["name"],
+                figure(row["period_s"]),
+                f"{1e3 * row['speed_m_s']:.2f}",
+                _interval(row["speed_ci90_m_s"], ".2f"),
+                f"{1e3 * row['speed_worst_m_s']:.2f}",
+                _constraints(row),
+            ]
+            for row in rows
+        ],
+        words=(5,),
+    )
 
 
-def _png(figure: Figure) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
-    plt.close(figure)  # of figures that pyplot keeps
-    return buffer.getvalue()
+def _paired_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    return Table(
+        head=["gait", "difference [mm/s]", "90 % interval", "ratio", "90 % interval", "more than noise"],
+        rows=[
+            [
+                row["name"],
+                f"{1e3 * row['difference_m_s']:+.2f}",
+                _interval(row["difference_ci90_m_s"], "+.2f"),
+                "–" if row["ratio"] is None else f"{row['ratio']:.2f}",
+                "–" if row["ratio_ci90"] is None else _interval(row["ratio_ci90"], ".2f", 1.0),
+                "yes" if row["more_than_noise"] else "no",
+            ]
+            for row in rows[1:]
+        ],
+        note=f"To {rows[0]['name']}, scenario by scenario: what scenarios do to both gaits cancels.",
+    )
 
 
-def _writer(data: bytes) -> Any:
-    def write(path: Path) -> None:
-        path.write_bytes(data)
+def _interval(ends: Sequence[float], form: str, scale: float = 1e3) -> str:
+    return " to ".join(format(scale * end, form) for end in ends)
 
-    return write
+
+def _constraints(row: Mapping[str, Any]) -> str:
+    return "met" if row["constraints_met"] else f"violated: {_names(row['violations']) or row['status']}"
+
+
+def _metric_table(summary: Mapping[str, Any]) -> Table:
+    rows = [summary["best"], *summary["baselines"]]
+    return _all_metrics(rows, [row["metrics"] for row in rows])
+
+
+def _all_metrics(rows: Sequence[Mapping[str, Any]], metrics: Sequence[Mapping[str, float]]) -> Table:
+    return Table(
+        head=["metric", *(str(row["name"]) for row in rows)],
+        rows=[[label_of(name), *(shown(name, one[name]) for one in metrics)] for name in metrics[0]],
+        note="Means over the same scenarios; of drifts, the mean size. ∞: a square wave commands a step.",
+    )
+
+
+def _metrics(row: Mapping[str, Any]) -> dict[str, float]:
+    return {name: value for name, value in row.items() if name.partition(".")[0] in METRICS}
+
+
+def gait_table(gait: Gait, file: str) -> Table:
+    """Return a gait's numbers, rounded, with the file that has them all."""
+    return Table(
+        head=["servo", "duty [%]", "phase [cycles]", "from [°]", "to [°]", "smoothing"],
+        rows=[
+            [
+                name,
+                f"{100 * channel.duty:.1f}",
+                f"{channel.phase:.3f}",
+                f"{channel.offset_deg:.1f}",
+                f"{channel.offset_deg + channel.amplitude_deg:.1f}",
+                f"{channel.smoothing:.2f}",
+            ]
+            for name, channel in gait.channels.items()
+        ],
+        note=f"Period {figure(gait.period_s)} s. For its duty's share of each cycle a servo is at the second "
+        f"angle, else at the first; smoothing 0 is a square wave. {file} has every digit.",
+    )
+
+
+def _remedy_table(rows: Sequence[Mapping[str, Any]], kinds: Sequence[str]) -> Table:
+    count = {kind: sum(row["name"] == kind for row in rows) for kind in kinds}
+    return Table(
+        head=["finding", "times", "what to do"],
+        rows=[[title_of(kind), str(count[kind]), REMEDIES.get(kind, "")] for kind in kinds],
+        words=(2,),
+    )
+
+
+def _finding_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    return Table(
+        head=["finding", "gait", "over its limit", "what was seen"],
+        rows=[
+            [
+                title_of(row["name"]),
+                row["gait"] or "–",
+                f"{figure(row['value'] / row['limit'])} times" if row["limit"] > 0.0 else "–",
+                row["message"],
+            ]
+            for row in rows
+        ],
+        note="check.json has the values and the limits.",
+        words=(3,),
+    )

@@ -108,7 +108,7 @@ def test_best_toml_is_a_gait_file_and_nothing_else(finished: Path, strider: Prob
 def test_the_report_is_one_self_contained_page(finished: Path) -> None:
     page = (finished / "report.html").read_text()
     assert "stride" in page
-    assert (finished / "best.toml").read_text().splitlines()[0] in page
+    assert f"Period {read_gait(finished / 'best.toml').period_s:.3g}" in page
     assert page.count("data:image/png;base64,") == len(list((finished / "figures").iterdir())) == 6
     assert "http://" not in page
     assert "https://" not in page
@@ -286,8 +286,8 @@ def test_simulate_prints_the_metrics(gaitopt: Run, tmp_path: Path) -> None:
     assert lines[0].startswith("t_s,marker.x_m,marker.y_m,marker.z_m,")
     assert {len(line.split(",")) for line in lines} == {len(lines[0].split(","))}
     table = gaitopt("simulate", STRIDER, "square")[1]
-    assert "speed_m_s" in table
-    assert f"{row['speed_m_s']:.4g}" in table
+    assert "forward speed [mm/s]" in table
+    assert f"{1e3 * row['speed_m_s']:.3g}" in table
 
 
 def test_set_changes_the_robot(gaitopt: Run) -> None:
@@ -375,7 +375,7 @@ def test_compare_is_over_the_same_scenarios(gaitopt: Run, finished: Path) -> Non
     other = gaitopt("compare", STRIDER, "stride", "square", finished, "stride", "--json", "--seed", 2)
     assert strictly(other[1])["rows"] != rows
     text = gaitopt("compare", STRIDER, "stride", "square")[1]
-    assert "square against stride: " in text
+    assert "more than noise" in text
 
 
 def findings(gaitopt: Run, problem: Path) -> list[dict[str, Any]]:

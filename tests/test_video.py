@@ -107,7 +107,7 @@ def test_the_command_films_and_answers(
     options = ["--beside", "square", "--seconds", "0.3", "--video", str(path)]
     assert cli.main(["simulate", folder, "stride", *options]) == 0
     assert path.is_file()
-    assert "speed_m_s" in capsys.readouterr().out
+    assert "forward speed" in capsys.readouterr().out
 
 
 @pytest.fixture(scope="module")
