@@ -298,6 +298,7 @@ def _add_diagnose_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("--seed", type=int, help="seed of all randomness (default: 1)")
     sub.add_argument("--effects", metavar="A,B,…", help="try these effects alone (default: all that apply)")
     sub.add_argument("--full", action="store_true", help="add a film with the measured marker to the report")
+    sub.add_argument("--resume", type=Path, metavar="DIR", help="go on with an interrupted diagnosis")
     sub.add_argument("--quiet", action="store_true", help="no progress display")
     _add_output_options(sub)
     _add_worker_option(sub)
@@ -741,16 +742,20 @@ def _command(options: argparse.Namespace) -> None:
 def _diagnose(options: argparse.Namespace) -> None:
     from gaitopt.diagnose.dataset import load_dataset
     from gaitopt.diagnose.diagnosis import diagnose
-    from gaitopt.diagnose.words import answer, explanation
-    from gaitopt.diagnosis_report import write_diagnosis
+    from gaitopt.diagnose.memory import Memory
+    from gaitopt.diagnosis_report import diagnosis_folder, write_diagnosis
     from gaitopt.display import steps_display
     from gaitopt.effects import EFFECTS
     from gaitopt.errors import unknown_name
-    from gaitopt.files import read_text
-    from gaitopt.optimise.executors import open_executor
+    from gaitopt.optimise.executors import open_executor, working
     from gaitopt.results import check_new
     from gaitopt.rollout import Simulator
 
+    if options.resume is not None:
+        _check_resumed(options)
+        if (options.resume / "diagnosis.json").is_file():
+            _print_diagnosis(options.resume, options.json)
+            return
     check_new(options.out)
     problem = _load(options)
     among = options.effects.split(",") if options.effects else None
@@ -759,17 +764,71 @@ def _diagnose(options: argparse.Namespace) -> None:
             raise unknown_name("diagnose", "effect in --effects:", name, EFFECTS)
     simulator = Simulator.build(problem)
     dataset = load_dataset(options.dataset, problem, [name for name in simulator.signals if name])
-    with open_executor("threads", options.workers) as executor:
-        with steps_display(options.quiet or options.json) as note:
-            diagnosis = diagnose(simulator, dataset, executor, _seed(options.seed), note, among=among)
-        folder = write_diagnosis(options.out, problem, diagnosis, executor, options.full)
-    if options.json:
-        print(read_text(folder / "diagnosis.json"), end="")
+    seed = _seed(options.seed)
+    with (
+        diagnosis_folder(options.out, options.resume, problem.name) as folder,
+        working(open_executor("threads", options.workers)) as executor,
+        steps_display(options.quiet or options.json) as note,
+    ):
+        memory = Memory.of(folder, simulator, dataset, seed)
+        if options.resume is not None and not memory.count:
+            raise GaitoptError(
+                f"--resume: {folder}: nothing was simulated there with this problem, data set and seed"
+            )
+        with _saying_how_to_go_on(memory, options):
+            diagnosis = diagnose(simulator, dataset, executor, seed, note, among=among, memory=memory)
+            write_diagnosis(folder, problem, diagnosis, executor, options.full)
+        memory.forget()
+    _print_diagnosis(folder, options.json)
+
+
+def _check_resumed(options: argparse.Namespace) -> None:
+    if options.out is not None:
+        raise GaitoptError(f"--out: not with --resume, which goes on in {options.resume}")
+    if not options.resume.is_dir():
+        raise GaitoptError(f"--resume: {options.resume}: no such folder")
+
+
+def _print_diagnosis(folder: Path, as_json: bool) -> None:
+    """Print a finished diagnosis: its answer in words, or its file."""
+    import json
+
+    from gaitopt.files import read_text
+
+    text = read_text(folder / "diagnosis.json")
+    if as_json:
+        print(text, end="")
         return
-    print(answer(diagnosis))
-    for sentence in explanation(diagnosis):
+    content = json.loads(text)
+    print(content["answer"])
+    for sentence in content["explanation"]:
         print(f"- {sentence}")
     print(f"report: {folder / 'report.html'}")
+
+
+@contextmanager
+def _saying_how_to_go_on(memory: Any, options: argparse.Namespace) -> Iterator[None]:
+    """Where Ctrl-C ends a diagnosis, say how to go on with it."""
+    import shlex
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        if memory.count:
+            folder = memory.folder.parent
+            words = ["gaitopt", "diagnose", options.problem, options.dataset, "--resume", folder]
+            if options.effects:
+                words += ["--effects", options.effects]
+            if options.seed is not None:
+                words += ["--seed", options.seed]
+            for name, value in options.parameters:
+                words += ["--set", f"{name}={value!r}"]
+            print(
+                f"gaitopt: stopped after {memory.count} robots; go on with: "
+                + " ".join(shlex.quote(str(word)) for word in words),
+                file=sys.stderr,
+            )
+        raise
 
 
 def _blind_make(options: argparse.Namespace) -> None:

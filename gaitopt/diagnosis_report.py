@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from gaitopt.correction import Walked, walked_gaits
 from gaitopt.diagnose.blind import NOMINAL_FOLDER
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.diagnosis import Diagnosis, diagnose
-from gaitopt.diagnose.words import explanation
+from gaitopt.diagnose.memory import Memory
+from gaitopt.diagnose.words import answer, explanation
 from gaitopt.diagnosis_page import write_page
 from gaitopt.files import write_text
 from gaitopt.gait import write_gait
 from gaitopt.model import nominal_mjcf
 from gaitopt.problem import Problem, load_problem
-from gaitopt.results import new_folder, to_json, write_into, write_problem
+from gaitopt.results import held, new_folder, to_json, write_into, write_problem
 from gaitopt.rollout import Simulator
 
 CORRECTED_FILE = "corrected.toml"
@@ -24,6 +26,9 @@ CORRECTED_FILE = "corrected.toml"
 
 NEXT_FILE = "next.toml"
 """In a run folder: the gait to measure next."""
+
+_SEED = 1
+"""Seed of the diagnoses of blind cases."""
 
 
 def diagnose_folders(
@@ -40,37 +45,63 @@ def diagnose_folders(
             simulator = Simulator.build(problem)
         note(f"diagnosing {case.name}", 0)
         dataset = load_dataset(case, problem, [name for name in simulator.signals if name])
-        write_diagnosis(out, problem, diagnose(simulator, dataset, executor, 1, next_gait=False), None)
+        memory = Memory.of(out, simulator, dataset, _SEED)
+        resumed = out if out.is_dir() else None
+        with diagnosis_folder(out, resumed, problem.name):
+            found = diagnose(simulator, dataset, executor, _SEED, next_gait=False, memory=memory)
+            write_diagnosis(out, problem, found, None)
+            memory.forget()
+
+
+@contextmanager
+def diagnosis_folder(out: Path | None, resumed: Path | None, name: str) -> Iterator[Path]:
+    """Yield the run folder of a diagnosis, and keep every other run out; what stays empty goes again.
+
+    Args:
+        out: the folder; a new one by default.
+        resumed: the folder of an interrupted diagnosis to go on with instead.
+        name: the problem's name.
+
+    Raises:
+        GaitoptError: the folder holds something already, cannot be written, or another run works there.
+    """
+    folder = resumed or new_folder(out, f"{name}-diagnosis")
+    try:
+        with held(folder):
+            yield folder
+    finally:
+        if resumed is None:
+            with suppress(OSError):  # it holds something, or is gone
+                folder.rmdir()
 
 
 def write_diagnosis(
-    path: Path | None,
+    folder: Path,
     problem: Problem,
     diagnosis: Diagnosis,
     executor: Executor | None = None,
     full: bool = False,
-) -> Path:
-    """Write the run folder of a diagnosis, and return it; ``diagnosis.json`` comes last.
+) -> None:
+    """Write the run folder of a diagnosis; ``diagnosis.json`` comes last.
 
     Args:
-        path: the folder; a new one by default.
+        folder: the folder.
         problem: the nominal problem.
         diagnosis: the diagnosis.
         executor: where gaits of the corrected robot are simulated; None to leave them out.
         full: add a film to the page.
 
     Raises:
-        GaitoptError: the folder holds something already, or cannot be written.
+        GaitoptError: a file cannot be written.
     """
     walked: list[Walked] = []
     corrected = corrected_problem(problem, diagnosis)
     best = diagnosis.found.best if diagnosis.found is not None else None
     if best is not None and executor is not None:
         walked = walked_gaits(problem, problem.with_effects(best.settings), executor)
-    content = diagnosis.to_dict() | {"explanation": explanation(diagnosis)}
+    content = diagnosis.to_dict() | {"answer": answer(diagnosis), "explanation": explanation(diagnosis)}
     content["corrected"] = [row.to_dict() for row in walked]
     model = nominal_mjcf(problem)
-    folder = new_folder(path, f"{problem.name}-diagnosis")
     write_problem(folder, problem, model)
     if corrected is not None:
         text = corrected.to_toml("model.xml")
@@ -80,7 +111,6 @@ def write_diagnosis(
         write_into(folder, NEXT_FILE, lambda file: write_gait(file, gait))
     write_page(folder, problem, diagnosis, walked, executor, full)
     write_into(folder, "diagnosis.json", lambda file: write_text(file, to_json(content)))
-    return folder
 
 
 def corrected_problem(problem: Problem, diagnosis: Diagnosis) -> Problem | None:

@@ -7,8 +7,8 @@ import math
 import os
 import re
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from functools import partial
 from importlib.metadata import version
@@ -101,9 +101,7 @@ class RunFolder:
     def __enter__(self) -> RunFolder:
         if self._lock is None:
             self._take()
-        for path in [*self.path.iterdir(), *self.path.glob("figures/*")]:
-            if _HALF_WRITTEN.fullmatch(path.name):
-                path.unlink(missing_ok=True)
+        _sweep_up(self.path)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -326,6 +324,28 @@ def new_folder(path: Path | None, name: str) -> Path:
     path = path or _next_free(name)
     _make(path)
     return path
+
+
+@contextmanager
+def held(path: Path) -> Iterator[None]:
+    """Keep every other run out of a folder, cleared of what a killed one left half-written.
+
+    Raises:
+        GaitoptError: another run is working there, or the folder cannot be written.
+    """
+    lock = _locked(path / _LOCK_FILE)
+    try:
+        _sweep_up(path)
+        yield
+    finally:
+        _unlock(lock, path / _LOCK_FILE)
+
+
+def _sweep_up(folder: Path) -> None:
+    """Remove what a killed run left half-written."""
+    for path in [*folder.iterdir(), *folder.glob("*/*")]:
+        if _HALF_WRITTEN.fullmatch(path.name):
+            path.unlink(missing_ok=True)
 
 
 def _next_free(name: str) -> Path:

@@ -1,5 +1,6 @@
 """`gaitopt diagnose` and `gaitopt import` from the command line to their files."""
 
+import itertools
 import json
 import os
 from pathlib import Path
@@ -7,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import edited
-from planting import dataset, filmed
+from planting import dataset, filmed, rollout
 
+from gaitopt import diagnosis_report
 from gaitopt.cli import main
+from gaitopt.diagnose import diagnosis, fitting
 from gaitopt.problem import load_problem
+from gaitopt.results import held
 from gaitopt.rollout import Scenario, Simulator
 
 HARDWARE = Path(
@@ -169,3 +173,51 @@ def test_the_real_trials(tmp_path, capsys):
     assert slow["signals"][0]["travel_measured"] == pytest.approx(0.037, abs=0.001)
     assert found["gap"]["heldout_before_m"] > found["gap"]["floor_m"] > 0.0
     assert any("0.1 s" in sentence for sentence in found["explanation"])
+
+
+@pytest.fixture(scope="module")
+def sloped(arcfold, tmp_path_factory):
+    """A short trial on a slope: a gap that takes fits to explain."""
+    columns = filmed(rollout(arcfold, "square-2s", 5.0, {"ground_slope": {"angle_rad": 0.08}}))
+    return dataset(tmp_path_factory.mktemp("data") / "sloped", {"slow": ("square-2s", columns)})
+
+
+def test_an_interrupted_diagnosis_goes_on_to_the_same_bits(sloped, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(diagnosis, "propose", lambda *_: None)  # which are not kept: they take seconds
+    monkeypatch.setattr(diagnosis_report, "walked_gaits", lambda *_: [])
+    few = ["--effects", "ground_slope,pad_friction", "--quiet"]
+    whole, halted = tmp_path / "whole", tmp_path / "halted"
+    assert main(["diagnose", "arcfold", str(sloped), "--out", str(whole), *few]) == 0
+    assert not list(whole.glob("simulated-*"))
+    simulated = fitting._simulate
+    count = itertools.count()
+
+    def pulled(*arguments):
+        if next(count) == 4:
+            raise KeyboardInterrupt
+        return simulated(*arguments)
+
+    monkeypatch.setattr(fitting, "_simulate", pulled)
+    capsys.readouterr()
+    assert main(["diagnose", "arcfold", str(sloped), "--out", str(halted), "--workers", "1", *few]) == 130
+    said = capsys.readouterr().err
+    assert f"stopped after 4 robots; go on with: gaitopt diagnose arcfold {sloped} --resume {halted}" in said
+    assert not (halted / "diagnosis.json").exists()
+    monkeypatch.setattr(fitting, "_simulate", simulated)
+    other = ["diagnose", "arcfold", str(sloped), "--resume", str(halted), "--seed", "2", *few]
+    assert main(other) == 1
+    assert "nothing was simulated there with this problem" in capsys.readouterr().err
+    assert main(["diagnose", "arcfold", str(sloped), "--resume", str(halted), *few]) == 0
+    assert (halted / "diagnosis.json").read_bytes() == (whole / "diagnosis.json").read_bytes()
+    assert {p.name for p in halted.iterdir()} == {p.name for p in whole.iterdir()}
+    capsys.readouterr()
+    assert main(["diagnose", "arcfold", str(sloped), "--resume", str(halted), "--json", *few]) == 0
+    assert capsys.readouterr().out == (whole / "diagnosis.json").read_text()
+
+
+def test_two_diagnoses_cannot_share_a_folder(trials, tmp_path, capsys):
+    out = tmp_path / "out"
+    out.mkdir()
+    with held(out):
+        assert main(["diagnose", "arcfold", str(trials), "--resume", str(out)]) == 1
+    assert "another run is working in this folder" in capsys.readouterr().err

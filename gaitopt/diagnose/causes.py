@@ -16,13 +16,17 @@ from gaitopt.diagnose.evidence import Gap, Rival
 from gaitopt.diagnose.fitting import Bench, Note, Point, bench, fit_all, fit_pairs, predictions
 from gaitopt.diagnose.floor import Floors
 from gaitopt.diagnose.hypotheses import hypotheses
+from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.nuisances import nuisance_robots
 from gaitopt.diagnose.residual import view
 from gaitopt.errors import GaitoptError
 from gaitopt.rollout import Simulator
 
-NO_GAP = 1.8
+NO_GAP = 1.1
 """A nominal robot that leaves no more whitened squares than this, in every trial, has no significant gap."""
+
+FAINT_GAP = 1.8
+"""And one that leaves no more than this has none either, if no effect explains it."""
 
 LEFT = 3.0
 """A rival that leaves more than this leaves a significant gap."""
@@ -37,7 +41,7 @@ _PAIR_ERRORS = 1.0
 _PAIR_GAIN = 0.6
 """Share of the loss of one effect that two may leave at most."""
 
-_IMPROVED = 0.85
+_IMPROVED = 0.75
 """Share of the nominal loss that the best rival may leave at most: the best of many is a little better by
 chance."""
 
@@ -136,6 +140,7 @@ def prepared(
     floors: Sequence[Floors],
     executor: Executor,
     seed: int,
+    memory: Memory | None = None,
 ) -> tuple[Bench, Point]:
     """Return the trials ready for fitting, and beside the nominal robot."""
     robots = nuisance_robots(simulator, seed)
@@ -147,7 +152,7 @@ def prepared(
         for i, (aligned, floor) in enumerate(zip(trials, floors, strict=True))
     ]
     nominal = [aligned.simulated for aligned in trials]
-    ready = bench(simulator.problem, simulator, views, nominal)
+    ready = bench(simulator.problem, simulator, views, nominal, memory)
     point = ready.point([0.0], nominal)
     if point is None:
         raise ValueError("the nominal prediction was checked when it was aligned")
@@ -163,6 +168,7 @@ def find_causes(
     seed: int,
     note: Note,
     among: Collection[str] | None = None,
+    memory: Memory | None = None,
 ) -> Causes:
     """Fit and judge every rival.
 
@@ -175,8 +181,9 @@ def find_causes(
         seed: seed of what is random.
         note: called as it goes.
         among: effects to try; None for all that apply.
+        memory: keeps what is simulated, and has what was; None to keep nothing.
     """
-    ready, nominal = prepared(simulator, trials, floors, executor, seed)
+    ready, nominal = prepared(simulator, trials, floors, executor, seed, memory)
     none = evidence.nothing(ready, nominal)
     if evidence.left(ready, none) <= NO_GAP:
         return Causes(ready, nominal, none, (), np.empty(0), "no_gap", [], [], 0.0, 1.0, None, seed, 0)
@@ -214,14 +221,15 @@ def conclude(
     rivals = [rivals[i] for i in order]
     chances = evidence.probabilities(weights[order])
     first = rivals[0]
-    chance_alone = evidence.p_value(ready, first, none, seed)
+    chance_alone = evidence.p_value(ready, nominal, singles, none.evidence - first.evidence, seed)
     gap = evidence.gap_of(ready, nominal, first, floor_m, seed)
     remains = _remains(ready, first, none)
     other = 1.0 / (1.0 + (_OTHER_HALF / max(remains, 1e-9)) ** _OTHER_SLOPE)
     improves = chance_alone <= SIGNIFICANCE and first.held_out.sum() < _IMPROVED * none.held_out.sum()
+    quiet = evidence.left(ready, none) <= FAINT_GAP
     causes, rest = _named(rivals, chances, two)
     if not improves:
-        verdict, causes, rest = "unexplained", [], []
+        verdict, causes, rest = "no_gap" if quiet else "unexplained", [], []
     elif remains > LEFT:
         explained = 1.0 - float(np.sqrt(first.held_out.sum() / none.held_out.sum()))
         verdict = "unexplained" if explained < _LITTLE else "partly_explained"

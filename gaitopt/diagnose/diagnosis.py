@@ -16,6 +16,7 @@ from gaitopt.diagnose.defects import Defect
 from gaitopt.diagnose.experiment import Experiment, propose
 from gaitopt.diagnose.fitting import Note
 from gaitopt.diagnose.floor import Floors, marker_floor, measure_floors
+from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.mismatches import mismatches
 from gaitopt.diagnose.predict import predict
 from gaitopt.diagnose.where import COMPONENTS, Split, split
@@ -217,6 +218,7 @@ def diagnose(
     note: Note = lambda what, done: None,
     next_gait: bool = True,
     among: Collection[str] | None = None,
+    memory: Memory | None = None,
 ) -> Diagnosis:
     """Return where the gap lies, what causes it and what to measure next.
 
@@ -228,6 +230,7 @@ def diagnose(
         note: called as it goes.
         next_gait: whether to look for the next experiment.
         among: effects to try; None for all that apply.
+        memory: keeps what is simulated, and has what was; None to keep nothing.
 
     Raises:
         GaitoptError: a trial has fewer than two cycles left, or the simulation of its gait fails.
@@ -236,7 +239,7 @@ def diagnose(
     located = locate(simulator, dataset, executor, seed)
     parts = [trial.aligned for trial in located.trials], [trial.floors for trial in located.trials]
     floor = located.located_gap["floor_m"]
-    found = find_causes(simulator, *parts, floor, executor, seed, note, among)
+    found = find_causes(simulator, *parts, floor, executor, seed, note, among, memory)
     if found.verdict == "no_gap" or not next_gait:
         return replace(located, found=found)
     note("looking for the next gait", found.robots)

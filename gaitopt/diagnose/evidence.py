@@ -34,7 +34,7 @@ ALIKE = 0.9
 """Signatures are said to be alike from this cosine on."""
 
 _BOOTSTRAPS = 400
-_SIGN_FLIPS = 999
+_DRAWS = 999
 
 
 @dataclass(frozen=True)
@@ -203,15 +203,32 @@ def answer_set(chances: Mapping[str, float]) -> list[str]:
     return chosen
 
 
-def p_value(bench: Bench, rival: Rival, other: Rival, seed: int) -> float:
-    """Return how often chance alone would make `rival` this much better than `other` on held-out data.
+def p_value(bench: Bench, nominal: Point, rivals: Sequence[Rival], gain: float, seed: int) -> float:
+    """Return how often chance alone would let some effect gain so much on "no effect".
 
-    The signs of the blocks' differences are flipped at random.
+    A parametric bootstrap: residuals of a right model are drawn from the covariance, its squares tempered
+    as in `scores`, and each draw is explained as far as the change that any simulated set made can explain
+    it. So the best of many hypotheses is held against the best of as many.
+
+    Args:
+        bench: the trials.
+        nominal: the trials beside the nominal robot.
+        rivals: rivals of one effect.
+        gain: the loss that the best rival saved.
+        seed: seed of the draws.
     """
-    gain = other.held_out - rival.held_out
+    points = [point for rival in rivals for fit in rival.fits for point in fit.points]
+    changes = np.stack([point.whitened - nominal.whitened for point in points])
+    sizes = np.linalg.norm(changes, axis=1)
+    moved = sizes > 1e-9
+    sizes, directions = sizes[moved], changes[moved] / sizes[moved][:, None]
     rng = np.random.default_rng([seed, 22])
-    signs = rng.choice([-1.0, 1.0], size=(_SIGN_FLIPS, len(gain)))
-    return float((1 + np.sum(signs @ gain >= gain.sum())) / (1 + _SIGN_FLIPS))
+    left = min(rival.evidence for rival in rivals) / bench.rows_of_blocks.sum()
+    drawn = math.sqrt(TEMPER * max(1.0, left)) * rng.standard_normal((_DRAWS, changes.shape[1]))
+    along = np.maximum(drawn @ directions.T, 0.0)
+    reached = np.minimum(along, sizes)
+    gains = (reached * (2.0 * along - reached)).max(axis=1)
+    return float((1 + np.sum(gains >= gain)) / (1 + _DRAWS))
 
 
 def better_by(bench: Bench, rival: Rival, other: Rival) -> float:

@@ -8,6 +8,7 @@ the hypotheses that still have a chance; the curve is then true where it matters
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from gaitopt.diagnose.dataset import Trial
 from gaitopt.diagnose.hypotheses import Hypothesis
+from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.predict import gait_key, latest_gait_time
 from gaitopt.diagnose.residual import View
 from gaitopt.effects.active import Values
@@ -36,11 +38,20 @@ _REACH = 1.0
 ROUNDS = (22, 16, 12, 8, 6, 5, 4, 4, 3, 3)
 """How many hypotheses are fitted further, round by round."""
 
+HOPELESS = (math.inf, 12.0, 6.0, 4.0)
+"""In each round, the last for good, a hypothesis that leaves so many times the least loss is given up."""
+
 WELL = 1.25
 """Mean whitened square of a good fit: where one is found, no second start is tried."""
 
 _TOLERANCE = 0.004
 """A parameter nearer to a simulated one than this share of its range need not be simulated again."""
+
+_STRIDE = 0.12
+"""Share of the range by which the search goes on beyond its outermost point, until the loss rises."""
+
+_FAINT = 0.3
+"""A start that changes less than this share of the nominal residual has not shown what its effect does."""
 
 Note = Callable[[str, int], None]
 """Called with what is being done and how many robots have been simulated."""
@@ -76,6 +87,7 @@ class Bench:
         block_trials: trial of each block, shape (blocks,).
         sample_trials: trial of each sample of the marker.
         folds: blocks of each fold that is left out in turn.
+        memory: what has been simulated before an interruption; None to keep nothing.
     """
 
     problem: Problem
@@ -87,6 +99,7 @@ class Bench:
     sample_trials: NDArray[np.intp]
     sample_blocks: NDArray[np.intp]
     folds: tuple[NDArray[np.intp], ...]
+    memory: Memory | None = None
 
     @property
     def count(self) -> int:
@@ -121,7 +134,11 @@ class Bench:
 
 
 def bench(
-    problem: Problem, simulator: Simulator, views: Sequence[View], nominal: Sequence[Trajectory]
+    problem: Problem,
+    simulator: Simulator,
+    views: Sequence[View],
+    nominal: Sequence[Trajectory],
+    memory: Memory | None = None,
 ) -> Bench:
     """Return the trials with their blocks and folds: a gait is left out, or a trial, or some cycles."""
     blocks, block_trials, first = [], [], 0
@@ -146,6 +163,7 @@ def bench(
         np.array(sample_trials, dtype=np.intp),
         np.array(sample_blocks, dtype=np.intp),
         _folds(views, trials),
+        memory,
     )
 
 
@@ -170,6 +188,22 @@ def simulate(
         at: coordinates to note in the result.
         observed_only: the effects change the measurement alone, so nothing is simulated.
     """
+    if observed_only or bench.memory is None:
+        return _simulate(bench, effects, at, observed_only)
+    name = repr(sorted((effect, sorted(values.items())) for effect, values in effects.items()))
+    known = bench.memory.recall(name)
+    if known is None:
+        point = _simulate(bench, effects, at, observed_only)
+        if point is None:
+            return None
+        known = {"whitened": point.whitened, "apart": point.apart, "angles": point.angles}
+        bench.memory.keep(name, known)
+    return Point(np.array(at, dtype=float), known["whitened"], known["apart"], known["angles"])
+
+
+def _simulate(
+    bench: Bench, effects: Mapping[str, Values], at: Sequence[float], observed_only: bool
+) -> Point | None:
     try:
         problem = bench.problem.with_effects(effects)
         if observed_only:
@@ -269,6 +303,11 @@ class Fit:
         mixed: Array = (1.0 - share) * low + share * high
         return mixed
 
+    def faint(self, nominal: Point) -> bool:
+        """Whether no simulated set changes much of the nominal residual."""
+        least = _FAINT * float(np.linalg.norm(nominal.whitened))
+        return all(float(np.linalg.norm(p.whitened - nominal.whitened)) < least for p in self.points)
+
     def wanted(self) -> float | None:
         """Return the coordinate to simulate next, or None where that would tell nothing new."""
         if self.settled or len(self.points) < 2:
@@ -276,11 +315,13 @@ class Fit:
         known = np.array([float(p.at[0]) for p in self.points])
         width = self.hypothesis.high - self.hypothesis.low
         best = self.best()
-        nearest = float(np.abs(known - best).min())
-        if nearest > _TOLERANCE * width:
+        index = int(np.abs(known - best).argmin())
+        beyond = self._beyond(known, index)
+        if beyond is not None:
+            return beyond
+        if abs(float(known[index]) - best) > _TOLERANCE * width:
             return best
         # The least loss is at a simulated point: look to the side where the loss rises less.
-        index = int(np.abs(known - best).argmin())
         sides = []
         for other in (index - 1, index + 1):
             if 0 <= other < len(known):
@@ -289,6 +330,17 @@ class Fit:
                     rise = self._total(known[index] + 0.35 * gap)
                     sides.append((rise, known[index] + 0.35 * gap))
         return float(min(sides)[1]) if sides else None
+
+    def _beyond(self, known: Array, index: int) -> float | None:
+        """Return where to look beyond the outermost simulated point if the least loss is about there."""
+        low, high = self.hypothesis.low, self.hypothesis.high
+        step = _STRIDE * (high - low)
+        nearest = float(known[index])
+        if index == 0 and nearest - low > 0.25 * step:
+            return max(low, min(self.best(), nearest - step))
+        if index == len(known) - 1 and high - nearest > 0.25 * step:
+            return min(high, max(self.best(), nearest + step))
+        return None
 
     def _total(self, at: float) -> float:
         curve = self.curve
@@ -345,19 +397,30 @@ def fit_all(
     """
     fits = [Fit(h, bench, [replace(nominal, at=np.array([h.neutral]))]) for h in rivals]
     done = _simulate_each([(fit, at) for fit in fits for at in fit.hypothesis.screened], executor, note, 0)
-    done = _refine(fits, executor, note, done)
+    rows = len(nominal.whitened)
+    done = _refine(fits, rows, executor, note, done)
     least = min((float(fit.loss().sum()) for fit in fits), default=0.0)
-    if least > WELL * len(nominal.whitened):
-        far = [(fit, at) for fit in fits for at in fit.hypothesis.far]
+    if least > WELL * rows:  # what does nothing at first, such as a limit not yet reached
+        far = [(fit, at) for fit in fits if fit.faint(nominal) for at in fit.hypothesis.far]
         done = _simulate_each(far, executor, note, done)
-        _refine(fits, executor, note, done)
+        _refine(fits, rows, executor, note, done)
     return fits
 
 
-def _refine(fits: Sequence[Fit], executor: Executor, note: Note, done: int) -> int:
-    """Simulate the fits that look best where they look best, in rounds; return the number of robots."""
-    for most in ROUNDS:
-        ordered = sorted(fits, key=lambda fit: float(fit.loss().sum()))
+def _refine(fits: Sequence[Fit], rows: int, executor: Executor, note: Note, done: int) -> int:
+    """Simulate the fits that look best where they look best, in rounds; return the number of robots.
+
+    Args:
+        fits: the fits.
+        rows: whitened rows: the loss of a right model.
+        executor: where robots are simulated.
+        note: called as it goes.
+        done: robots simulated before.
+    """
+    for number, most in enumerate(ROUNDS):
+        losses = [float(fit.loss().sum()) for fit in fits]
+        limit = HOPELESS[min(number, len(HOPELESS) - 1)] * max(min(losses, default=0.0), rows)
+        ordered = [fits[i] for i in np.argsort(losses, kind="stable") if losses[i] <= limit]
         wanted = [(fit, fit.wanted()) for fit in ordered[:most]]
         work = [(fit, at) for fit, at in wanted if at is not None]
         if not work:

@@ -17,7 +17,7 @@ _SCREENED = 0.2
 """Share of the way from neutral to a bound at which a hypothesis is screened first."""
 
 _FAR = 0.6
-"""The same of the second start, where no first one led to a good fit."""
+"""The same of the second start, where the first showed little and none led to a good fit."""
 
 _OBSERVED = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Shares tried where no simulation is needed."""
@@ -69,17 +69,28 @@ class Hypothesis:
 
     @property
     def screened(self) -> list[float]:
-        """Coordinates at which the hypothesis is tried first, off the bounds."""
-        return self._at((_SCREENED,) if self.effect.observe is None else _OBSERVED)
+        """Coordinates at which the hypothesis is tried first, off the bounds.
+
+        Where both sides of neutral are allowed, the side with more room: its mirror image will do for the
+        other until that looks better.
+        """
+        if self.effect.observe is not None:
+            return self._at(self._sides, _OBSERVED)
+        return self._at(self._sides[-1:], (_SCREENED,))
 
     @property
     def far(self) -> list[float]:
-        """Coordinates of the second start; none where the first try was dense."""
-        return self._at((_FAR,)) if self.effect.observe is None else []
+        """Coordinates of the second starts; none where the first try was dense."""
+        return self._at(self._sides, (_FAR,)) if self.effect.observe is None else []
 
-    def _at(self, shares: Sequence[float]) -> list[float]:
+    @property
+    def _sides(self) -> list[float]:
+        """Bounds other than neutral, the nearer first."""
         sides = [bound for bound in (self.low, self.high) if abs(bound - self.neutral) > 1e-9]
-        return sorted(self.neutral + s * (bound - self.neutral) for bound in sides for s in shares)
+        return sorted(sides, key=lambda bound: abs(bound - self.neutral))
+
+    def _at(self, bounds: Sequence[float], shares: Sequence[float]) -> list[float]:
+        return sorted(self.neutral + s * (bound - self.neutral) for bound in bounds for s in shares)
 
 
 def hypotheses(

@@ -1,16 +1,21 @@
 """The record on blind development cases: made, diagnosed and scored, case by case, resumable.
 
+What was simulated for a case is kept in the work folder. So where only the conclusions have changed, removing
+WORK/diagnoses and running it again takes seconds a case; where the residuals have, remove WORK/memory too.
+
 python tests/benchmarks/blind_cases.py --cases 40 --seed 1 --work /tmp/blind --out results/diagnosis
 """
 
 import argparse
 import json
+import subprocess
 import time
 from pathlib import Path
 
 from gaitopt.diagnose.blind import kinds_of, make_case, maker
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.diagnosis import diagnose
+from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.scoring import read_cases, score
 from gaitopt.errors import GaitoptError
 from gaitopt.optimise.executors import open_executor
@@ -19,6 +24,12 @@ from gaitopt.results import to_json
 from gaitopt.rollout import Simulator
 
 GAITS = ("square-4s", "square-2s", "square-1s")
+
+
+def version() -> str:
+    """Return the code's commit, marked where the work tree differs from it."""
+    command = ["git", "describe", "--always", "--dirty", "--abbrev=12"]
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip() or "unknown"
 
 
 def main() -> None:
@@ -51,7 +62,9 @@ def main() -> None:
                 continue
             dataset = load_dataset(folder, problem, [s for s in simulator.signals if s])
             begun = time.monotonic()
-            content = diagnose(simulator, dataset, executor, 1, next_gait=False).to_dict()
+            memory = Memory.of(options.work / "memory" / name, simulator, dataset, 1)
+            content = diagnose(simulator, dataset, executor, 1, next_gait=False, memory=memory).to_dict()
+            content["version"] = version()
             content["wall_s"] = time.monotonic() - begun
             result.parent.mkdir(parents=True, exist_ok=True)
             result.write_text(to_json(content))
