@@ -1,11 +1,11 @@
 """The same jobs as the command line's, from Python: records and arrays in, records and arrays out.
 
-from gaitopt.api import Problem, compare, optimise, simulate
+from gaitopt.api import Problem, compare, diagnose, optimise, simulate
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,6 +13,12 @@ from tempfile import TemporaryDirectory
 from gaitopt.check import Finding, check
 from gaitopt.comparison import Row
 from gaitopt.comparison import compare as _compare
+from gaitopt.diagnose.dataset import load_dataset
+from gaitopt.diagnose.diagnosis import Diagnosis
+from gaitopt.diagnose.diagnosis import diagnose as _diagnose
+from gaitopt.diagnose.words import answer
+from gaitopt.effects import EFFECTS
+from gaitopt.errors import unknown_name
 from gaitopt.files import write_text
 from gaitopt.gait import Channel, Gait, read_gait, write_gait
 from gaitopt.metrics import Metrics, measure
@@ -30,6 +36,7 @@ from gaitopt.trajectory import Trajectory
 
 __all__ = [
     "Channel",
+    "Diagnosis",
     "Finding",
     "Gait",
     "Metrics",
@@ -37,8 +44,10 @@ __all__ = [
     "Problem",
     "Rollout",
     "Trajectory",
+    "answer",
     "audit",
     "compare",
+    "diagnose",
     "film",
     "optimise",
     "read_gait",
@@ -134,6 +143,38 @@ def optimise(
             write_report(run, problem, optimised, summary_of(problem, optimised))
             run.write_results(problem, optimised)
             return optimised
+
+
+def diagnose(
+    problem: Problem,
+    dataset: Path | str,
+    effects: Collection[str] | None = None,
+    seed: int = 1,
+    next_gait: bool = True,
+    workers: int | None = None,
+    on_progress: Callable[[str, int], None] = lambda what, robots: None,
+) -> Diagnosis:
+    """Say where the gap between measured trials and simulation lies, what causes it and what to measure next.
+
+    Args:
+        problem: the nominal robot.
+        dataset: folder with ``dataset.toml`` and its trials.
+        effects: names of the effects to try; all that apply by default.
+        seed: seed of all randomness.
+        next_gait: whether to look for the gait to measure next.
+        workers: rollouts at once; all cores by default.
+        on_progress: called with what is being done and how many robots have been simulated.
+
+    Raises:
+        GaitoptError: the data set is wrong, or an effect is unknown or none applies.
+    """
+    for name in effects or ():
+        if name not in EFFECTS:
+            raise unknown_name("diagnose", "effect:", name, EFFECTS)
+    simulator = Simulator.build(problem)
+    trials = load_dataset(Path(dataset), problem, [name for name in simulator.signals if name])
+    with open_executor("threads", workers) as executor:
+        return _diagnose(simulator, trials, executor, seed, on_progress, next_gait, effects)
 
 
 def _gait(problem: Problem, gait: Gait | str) -> Gait:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from gaitopt.gait import Gait
@@ -135,7 +136,9 @@ def convergence(entries: Sequence[Entry], baselines: Mapping[str, float]) -> Fig
         label = "plan (warm start)" if planned else method
         axes.plot(number[met], speed[met], mark, color=colour, markersize=size, label=label, zorder=3)
         bad = "*" if planned else "x"
-        axes.plot(number[~met], speed[~met], bad, color=colour, markersize=size, alpha=0.5, mfc="none")
+        axes.plot(
+            number[~met], speed[~met], bad, color=colour, markersize=max(size, 4.5), alpha=0.75, mfc="none"
+        )
     axes.plot([], [], "kx", markersize=4, label="constraint violated")
     best = [1e3 * entries[i].evaluation.metrics["speed_m_s"] for i in _leader_index(entries)]
     axes.step(range(len(best)), best, where="post", color="k", linewidth=1.5, label="best so far")
@@ -143,6 +146,7 @@ def convergence(entries: Sequence[Entry], baselines: Mapping[str, float]) -> Fig
         axes.axhline(
             1e3 * speed_m_s, color="0.45", linestyle=STYLES[index % len(STYLES)], linewidth=1.0, label=name
         )
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     finish(axes, "gait evaluated", "forward speed [mm/s]", legend=False)
     legend_below(figure, axes, 3)
     return figure
@@ -177,7 +181,10 @@ def front(
     for index, (name, (speed_m_s, cost)) in enumerate(baselines.items()):
         axes.plot(1e3 * speed_m_s, cost, _MARKS[index % 5], color=COLOURS[index % 5], label=name)
     axes.set_yscale("log")
-    finish(axes, "forward speed [mm/s]", "cost of transport [1]")
+    for show in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+        show(LogFormatter(minor_thresholds=(2, 0.5)))
+    finish(axes, "forward speed [mm/s]", "cost of transport [1]", legend=False)
+    legend_below(figure, axes, 3)
     return figure
 
 

@@ -130,7 +130,7 @@ def _pictures(simulator: Simulator, optimised: Optimised, summary: Mapping[str, 
         "Convergence of the search",
         plots.convergence(optimised.entries, hand_tuned),
         "Speed of every gait evaluated, by method; stars are planned gaits, where the search started from "
-        "some. Crosses violate a constraint; the best so far counts violations too, so it may step down to a "
+        "some. Crosses and hollow stars violate a constraint; the best so far counts violations too, so it may step down to a "
         "slower gait that has none. Horizontal lines are the hand-tuned gaits.",
     )
     return pictures

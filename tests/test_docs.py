@@ -16,13 +16,16 @@ from pathlib import Path
 
 import matplotlib
 import pytest
+from planting import dataset, filmed
 
 from gaitopt import cli, demo, plan, video
 from gaitopt.demo import demo_problem
+from gaitopt.diagnose import experiment
 from gaitopt.files import write_text
 from gaitopt.optimise import run as search
 from gaitopt.optimise.run import Request
 from gaitopt.problem import Problem, load_problem
+from gaitopt.rollout import Simulator
 from gaitopt.video import opengl_is_missing
 
 ROOT = Path(__file__).parent.parent
@@ -46,6 +49,8 @@ def workplace(
     for module in (plan, search):
         monkeypatch.setattr(module, "PlanSettings", brief)
     monkeypatch.setattr(search, "_SAMPLE", 4)
+    for name, few in (("SECONDS", 1.0), ("_RANDOM", 1), ("_REFINED", 1)):
+        monkeypatch.setattr(experiment, name, few)
     monkeypatch.setattr(video, "FPS", 2.0)
     monkeypatch.setattr(video, "LOOP_RATES", (2.0,))
     monkeypatch.setattr(demo, "demo_problem", lambda: quick)
@@ -107,14 +112,25 @@ def test_the_tutorials_commands() -> None:
 
 @needs_opengl
 @pytest.mark.usefixtures("workplace")
-def test_the_api_pages_examples(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_api_pages_examples(quick: Problem, capsys: pytest.CaptureFixture[str]) -> None:
+    weak = Simulator.build(quick.with_effects({"servo_torque_limit": {"limit_n_m": 0.1, "target": "all"}}))
+    walked = weak.run(quick.baselines["square-1s"], duration=3.2)
+    dataset(Path("trials"), {"weak": ("square-1s", filmed(weak.observe(walked), signals=("marker.x",)))})
     blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "api.md").read_text(), flags=re.M | re.S)
     names: dict[str, object] = {}
     for block in blocks:
         exec(block.replace("budget=300", f"budget={BUDGET}"), names)
-    assert "mm/s" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "mm/s" in printed
+    assert re.search(r"^explained \['servo_torque_limit'\]", printed, flags=re.M)
     assert matplotlib.get_backend().lower() == "agg"
-    assert {path.name for path in Path().iterdir()} >= {"walk.svg", "gait.pdf", "search.png", "beside.webp"}
+    assert {path.name for path in Path().iterdir()} >= {
+        "walk.svg",
+        "gait.pdf",
+        "search.png",
+        "map.png",
+        "beside.webp",
+    }
 
 
 @needs_opengl
