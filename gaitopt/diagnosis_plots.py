@@ -15,7 +15,7 @@ from gaitopt.diagnose.evidence import intervals
 from gaitopt.diagnose.fitting import Bench
 from gaitopt.diagnose.floor import marker_floor
 from gaitopt.diagnose.where import COMPONENTS
-from gaitopt.plots import BEST_COLOUR, COLOURS, finish, legend_below
+from gaitopt.plots import BEST_COLOUR, COLOURS, finish, legend_below, plain_ticks
 
 _WIDTH = 6.0
 """Inches, as of the other figures."""
@@ -121,6 +121,7 @@ def ranking(found: Causes) -> Figure:
     )
     axes.set_yticks(places, names, fontsize=8)
     axes.set_xscale("log")
+    plain_ticks(axes.xaxis)
     axes.axvline(1.0, color="k", lw=1.0, ls="--")
     axes.margins(y=0.02)
     finish(axes, "error left on held-out data [1 = a right model]", "", legend=False)
@@ -142,6 +143,10 @@ def profile(found: Causes) -> Figure:
         axes.plot(*zip(*known, strict=True), "o", color=COLOURS[0], ms=4, label="simulated")
         axes.axvline(h.value(at), color="k", lw=1.0, ls="--", label="fitted")
         axes.set_yscale("log")
+        plain_ticks(axes.yaxis)
+        if h.effect.scale == "log":
+            axes.set_xscale("log")
+            plain_ticks(axes.xaxis)
         axes.axvspan(low, high, color=COLOURS[4], alpha=0.35, lw=0.0, label="90 % interval")
         finish(axes, f"{h.name}: {h.effect.parameter} [{h.effect.unit or '1'}]", "error [1 = a right model]")
     return figure
@@ -207,7 +212,8 @@ def gap_map(diagnosis: Diagnosis) -> Figure:
     axes.set_yticks(range(len(rows)), [f"{trial.name}: {name}" for trial, name in rows], fontsize=8)
     axes.set_xticks(np.linspace(0.0, 1.0, 5))
     axes.set_xlabel("share of the gait's cycle")
-    figure.colorbar(image, ax=axes, label="gap [floors]", pad=0.01)
+    bar = figure.colorbar(image, ax=axes, label="gap [floors]", pad=0.01)
+    plain_ticks(bar.ax.yaxis)
     return figure
 
 

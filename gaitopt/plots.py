@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter, MaxNLocator
 from numpy.typing import NDArray
@@ -181,8 +182,7 @@ def front(
     for index, (name, (speed_m_s, cost)) in enumerate(baselines.items()):
         axes.plot(1e3 * speed_m_s, cost, _MARKS[index % 5], color=COLOURS[index % 5], label=name)
     axes.set_yscale("log")
-    for show in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
-        show(LogFormatter(minor_thresholds=(2, 0.5)))
+    plain_ticks(axes.yaxis)
     finish(axes, "forward speed [mm/s]", "cost of transport [1]", legend=False)
     legend_below(figure, axes, 3)
     return figure
@@ -297,6 +297,7 @@ def findings(rows: Sequence[Mapping[str, Any]]) -> Figure:
     axes.set_yticks(places, labels, fontsize=8)
     if len(shown) and ratios.max() > 20.0:
         axes.set_xscale("log")
+        plain_ticks(axes.xaxis)
     finish(axes, "value over its limit", "")
     return figure
 
@@ -317,6 +318,19 @@ def finish(axes: Axes, x: str, y: str, legend: bool = True) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     if legend:
         axes.legend(fontsize=8.5, framealpha=0.9, loc="best")
+
+
+def plain_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis with plain numbers, the small ticks too where it spans few decades."""
+    axis.set_major_formatter(_PlainLog())
+    axis.set_minor_formatter(_PlainLog(minor_thresholds=(2, 0.5)))
+
+
+class _PlainLog(LogFormatter):
+    """Labels where Matplotlib's own formatter has some, without powers."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return f"{x:g}" if super().__call__(x, pos) else ""
 
 
 def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
