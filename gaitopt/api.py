@@ -152,7 +152,7 @@ def diagnose(
     seed: int = 1,
     next_gait: bool = True,
     workers: int | None = None,
-    on_progress: Callable[[str, int], None] = lambda what, robots: None,
+    on_progress: Callable[[str, int, int], None] = lambda what, done, most: None,
 ) -> Diagnosis:
     """Say where the gap between measured trials and simulation lies, what causes it and what to measure next.
 
@@ -163,7 +163,8 @@ def diagnose(
         seed: seed of all randomness.
         next_gait: whether to look for the gait to measure next.
         workers: rollouts at once; all cores by default.
-        on_progress: called with what is being done and how many robots have been simulated.
+        on_progress: called with what is being done, how many robots have been simulated for it, and how many
+            may be at most (0 where that is not known).
 
     Raises:
         GaitoptError: the data set is wrong, or an effect is unknown or none applies.

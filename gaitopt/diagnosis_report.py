@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,6 +11,7 @@ from gaitopt.correction import Walked, walked_gaits
 from gaitopt.diagnose.blind import NOMINAL_FOLDER
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.diagnosis import Diagnosis, diagnose
+from gaitopt.diagnose.fitting import Note
 from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.words import answer, explanation
 from gaitopt.diagnosis_page import write_page
@@ -31,9 +32,7 @@ _SEED = 1
 """Seed of the diagnoses of blind cases."""
 
 
-def diagnose_folders(
-    folder: Path, diagnoses: Path, executor: Executor, note: Callable[[str, int], None]
-) -> None:
+def diagnose_folders(folder: Path, diagnoses: Path, executor: Executor, note: Note) -> None:
     """Diagnose every case in a folder of blind cases that has no diagnosis yet, and write run folders."""
     problem = None
     for case in sorted(path for path in folder.glob("case-*") if path.is_dir()):
@@ -43,7 +42,7 @@ def diagnose_folders(
         if problem is None:
             problem = load_problem(folder / NOMINAL_FOLDER)
             simulator = Simulator.build(problem)
-        note(f"diagnosing {case.name}", 0)
+        note(f"diagnosing {case.name}", 0, 0)
         dataset = load_dataset(case, problem, [name for name in simulator.signals if name])
         memory = Memory.of(out, simulator, dataset, _SEED)
         resumed = out if out.is_dir() else None

@@ -11,7 +11,7 @@ from typing import Any
 from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 from rich.table import Table
 
@@ -82,18 +82,26 @@ def note(text: str) -> None:
 
 
 @contextmanager
-def steps_display(quiet: bool) -> Iterator[Callable[[str, int], None]]:
-    """Yield what a diagnosis calls as it goes: one moving line on a terminal, a line a step elsewhere."""
+def steps_display(quiet: bool) -> Iterator[Callable[[str, int, int], None]]:
+    """Yield what a diagnosis calls as it goes: a bar on a terminal, a line a step elsewhere.
+
+    It is called with what is being done, how many robots have been simulated for it and how many may be at
+    most; 0 where that is not known.
+    """
     console = Console(stderr=True)
     if quiet:
-        yield lambda what, done: None
+        yield lambda what, done, most: None
     elif console.is_terminal:
-        with console.status("") as status:
-            yield lambda what, done: status.update(f"{what}: {done} robots simulated")
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("robots"))
+        with Bar(*columns, TimeElapsedColumn(), console=console) as bar:
+            task = bar.add_task("", total=None)
+            yield lambda what, done, most: bar.update(
+                task, description=what, completed=done, total=most or None
+            )
     else:
         said: set[str] = set()
 
-        def show(what: str, done: int) -> None:
+        def show(what: str, done: int, most: int) -> None:
             if what not in said:
                 said.add(what)
                 console.print(f"{what} …", highlight=False)

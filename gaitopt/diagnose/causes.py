@@ -41,7 +41,7 @@ _PAIR_ERRORS = 1.0
 _PAIR_GAIN = 0.6
 """Share of the loss of one effect that two may leave at most."""
 
-_IMPROVED = 0.75
+_IMPROVED = 0.85
 """Share of the nominal loss that the best rival may leave at most: the best of many is a little better by
 chance."""
 

@@ -215,7 +215,7 @@ def diagnose(
     dataset: DataSet,
     executor: Executor,
     seed: int,
-    note: Note = lambda what, done: None,
+    note: Note = lambda what, done, most: None,
     next_gait: bool = True,
     among: Collection[str] | None = None,
     memory: Memory | None = None,
@@ -235,14 +235,14 @@ def diagnose(
     Raises:
         GaitoptError: a trial has fewer than two cycles left, or the simulation of its gait fails.
     """
-    note("measuring the floor", 0)
+    note("measuring the floor", 0, 0)
     located = locate(simulator, dataset, executor, seed)
     parts = [trial.aligned for trial in located.trials], [trial.floors for trial in located.trials]
     floor = located.located_gap["floor_m"]
     found = find_causes(simulator, *parts, floor, executor, seed, note, among, memory)
     if found.verdict == "no_gap" or not next_gait:
         return replace(located, found=found)
-    note("looking for the next gait", found.robots)
+    note("looking for the next gait", found.robots, 0)
     gaits = {trial.aligned.trial.gait.name: trial.aligned.trial.gait for trial in located.trials}
     signals = list(dict.fromkeys(name for trial in located.trials for name in trial.floors))
     experiment = propose(

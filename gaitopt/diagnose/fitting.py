@@ -53,8 +53,8 @@ _STRIDE = 0.12
 _FAINT = 0.3
 """A start that changes less than this share of the nominal residual has not shown what its effect does."""
 
-Note = Callable[[str, int], None]
-"""Called with what is being done and how many robots have been simulated."""
+Note = Callable[[str, int, int], None]
+"""Called with what is being done, how many robots have been simulated, and how many may be at most."""
 
 
 @dataclass(frozen=True)
@@ -396,40 +396,57 @@ def fit_all(
         note: called as it goes.
     """
     fits = [Fit(h, bench, [replace(nominal, at=np.array([h.neutral]))]) for h in rivals]
-    done = _simulate_each([(fit, at) for fit in fits for at in fit.hypothesis.screened], executor, note, 0)
+    count = _Count("fitting effects", note)
+    _simulate_each([(fit, at) for fit in fits for at in fit.hypothesis.screened], executor, count)
     rows = len(nominal.whitened)
-    done = _refine(fits, rows, executor, note, done)
+    _refine(fits, rows, executor, count)
     least = min((float(fit.loss().sum()) for fit in fits), default=0.0)
     if least > WELL * rows:  # what does nothing at first, such as a limit not yet reached
         far = [(fit, at) for fit in fits if fit.faint(nominal) for at in fit.hypothesis.far]
-        done = _simulate_each(far, executor, note, done)
-        _refine(fits, rows, executor, note, done)
+        _simulate_each(far, executor, count)
+        _refine(fits, rows, executor, count)
     return fits
 
 
-def _refine(fits: Sequence[Fit], rows: int, executor: Executor, note: Note, done: int) -> int:
-    """Simulate the fits that look best where they look best, in rounds; return the number of robots.
+@dataclass
+class _Count:
+    """Robots simulated, and how many may be at most; said as it changes."""
+
+    what: str
+    note: Note
+    done: int = 0
+    most: int = 0
+
+    def add(self, done: int, most: int) -> None:
+        self.done, self.most = self.done + done, self.most + most
+        self.note(self.what, self.done, max(self.done, self.most))
+
+
+def _refine(fits: Sequence[Fit], rows: int, executor: Executor, count: _Count) -> None:
+    """Simulate the fits that look best where they look best, in rounds.
 
     Args:
         fits: the fits.
         rows: whitened rows: the loss of a right model.
         executor: where robots are simulated.
-        note: called as it goes.
-        done: robots simulated before.
+        count: counts them.
     """
+    count.add(0, sum(min(most, len(fits)) for most in ROUNDS))
     for number, most in enumerate(ROUNDS):
         losses = [float(fit.loss().sum()) for fit in fits]
         limit = HOPELESS[min(number, len(HOPELESS) - 1)] * max(min(losses, default=0.0), rows)
         ordered = [fits[i] for i in np.argsort(losses, kind="stable") if losses[i] <= limit]
         wanted = [(fit, fit.wanted()) for fit in ordered[:most]]
         work = [(fit, at) for fit, at in wanted if at is not None]
+        count.add(0, -min(most, len(fits)))
         if not work:
+            count.add(0, -sum(min(later, len(fits)) for later in ROUNDS[number + 1 :]))
             break
-        done = _simulate_each(work, executor, note, done)
-    return done
+        _simulate_each(work, executor, count)
 
 
-def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, note: Note, done: int) -> int:
+def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, count: _Count) -> None:
+    count.add(0, len(work))
     futures = []
     for fit, at in work:
         h = fit.hypothesis
@@ -438,9 +455,7 @@ def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, note: 
         futures.append((fit, executor.submit(simulate, *call)))
     for fit, future in futures:
         fit.add(future.result())
-        done += 1
-        note("fitting effects", done)
-    return done
+        count.add(1, 0)
 
 
 # --- two effects ----------------------------------------------------------------------------------
@@ -508,8 +523,9 @@ def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Not
         note: called as it goes.
     """
     pairs = [_started(one, other, at) for one, other, at in _promising(fits, nominal)]
-    done = 0
     targets = [pair.points[0].at for pair in pairs]
+    count = _Count("fitting pairs of effects", note)
+    count.add(0, 2 * len(pairs) + (_PAIR_ROUNDS - 2) * min(len(pairs), _PAIRS // 2))
     for pair in pairs:
         pair.points.clear()
     for number in range(_PAIR_ROUNDS):
@@ -517,8 +533,7 @@ def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Not
         futures = [(i, executor.submit(_simulate_pair, pairs[i], targets[i])) for i in chosen]
         for index, future in futures:
             point = future.result()
-            done += 1
-            note("fitting pairs of effects", done)
+            count.add(1, 0)
             if point is not None:
                 _learn(pairs[index], point)
         for index in chosen:
