@@ -1,0 +1,227 @@
+"""The diagnosis' record on blind cases: made, diagnosed and scored, case by case, resumable.
+
+    python tests/benchmarks/blind_record.py development --work /tmp/blind --out results/diagnosis
+    python tests/benchmarks/blind_record.py full --work /tmp/blind-full --out results/blind
+    python tests/benchmarks/blind_record.py x-alone --work /tmp/blind-x --out results/blind
+
+What was simulated for a case is kept in the work folder. So where only the conclusions have changed, removing
+WORK/diagnoses and running it again takes seconds a case; where the residuals have, remove WORK/memory too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from gaitopt.diagnose.blind import Maker, kinds_of, make_case, maker
+from gaitopt.diagnose.dataset import load_dataset
+from gaitopt.diagnose.diagnosis import diagnose
+from gaitopt.diagnose.hypotheses import RECORD_DEFECTS
+from gaitopt.diagnose.memory import Memory
+from gaitopt.diagnose.outside import OUTSIDE
+from gaitopt.diagnose.scoring import Case, read_cases, score, sentences
+from gaitopt.effects import EFFECTS
+from gaitopt.errors import GaitoptError
+from gaitopt.files import write_text
+from gaitopt.optimise.executors import open_executor
+from gaitopt.problem import Problem, load_problem
+from gaitopt.results import to_json
+from gaitopt.rollout import Simulator
+
+GAITS = ("square-4s", "square-2s", "square-1s")
+SECONDS = 10.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which cases a record is made of: for each its kind, and what is planted where that is not drawn."""
+
+    seed: int
+    signals: tuple[str, ...] | None
+    cases: tuple[tuple[str, str | None], ...]
+
+
+def _development() -> Plan:
+    return Plan(1, None, tuple((kind, None) for kind in kinds_of(40, 1)))
+
+
+def _full() -> Plan:
+    """Each effect three times, each disturbance five times, pairs and cases without effect at random."""
+    names = sorted(set(EFFECTS) - set(RECORD_DEFECTS))
+    singles: list[tuple[str, str | None]] = [("single", name) for name in names for _ in range(3)]
+    outside: list[tuple[str, str | None]] = [("outside", name) for name in sorted(OUTSIDE) for _ in range(5)]
+    return Plan(801, None, tuple(singles + outside + [("none", None)] * 60 + [("pair", None)] * 15))
+
+
+def _x_alone() -> Plan:
+    counts = {"single": 24, "none": 8, "outside": 4, "pair": 4}
+    return Plan(
+        802, ("marker.x",), tuple((kind, None) for kind, count in counts.items() for _ in range(count))
+    )
+
+
+PLANS: dict[str, Callable[[], Plan]] = {"development": _development, "full": _full, "x-alone": _x_alone}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("plan", choices=PLANS)
+    parser.add_argument("--work", type=Path, required=True)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--until", type=float, default=1e9, help="begin no case after so many seconds")
+    parser.add_argument("--seed", type=int, help="another seed: to develop with")
+    options = parser.parse_args()
+    plan = PLANS[options.plan]()
+    began, problem = time.monotonic(), load_problem("arcfold")
+    with open_executor("threads", None) as executor:
+        made = maker(problem, GAITS, SECONDS, plan.signals, executor)
+        for index, (kind, only) in enumerate(plan.cases):
+            if time.monotonic() - began > options.until:
+                break
+            seed = plan.seed if options.seed is None else options.seed
+            run_case(problem, made, options.work, index, kind, only, seed, executor)
+    cases = read_cases(options.work, options.work / "diagnoses")
+    record = score(cases) | {"unreachable": _unreachable(options.work)}
+    print("\n".join(sentences(record)))
+    if options.out:
+        write_record(options.out, options.plan, cases, record)
+
+
+def run_case(
+    problem: Problem,
+    made: Maker,
+    work: Path,
+    index: int,
+    kind: str,
+    only: str | None,
+    seed: int,
+    executor: Executor,
+) -> None:
+    """Make and diagnose one case, each where that has not been done."""
+    name = f"case-{index:03d}"
+    result, hopeless = work / "diagnoses" / name / "diagnosis.json", work / "unreachable" / name
+    if result.exists() or hopeless.exists():
+        return
+    if not (work / "sealed" / f"{name}.json").exists():
+        try:
+            make_case(made, work, index, kind, seed, executor, only)
+        except GaitoptError as unreachable:
+            hopeless.parent.mkdir(parents=True, exist_ok=True)
+            write_text(hopeless, f"{only or kind}\n")
+            print(f"{name}: {unreachable}", flush=True)
+            return
+    simulator = Simulator.build(problem)
+    dataset = load_dataset(work / name, problem, [s for s in simulator.signals if s])
+    memory = Memory.of(work / "memory" / name, simulator, dataset, 1)
+    begun, spent = time.monotonic(), time.process_time()
+    content = diagnose(simulator, dataset, executor, 1, next_gait=False, memory=memory).to_dict()
+    times = work / "times" / f"{name}.json"
+    if not times.exists():  # a diagnosis from memory would be too quick
+        times.parent.mkdir(parents=True, exist_ok=True)
+        took = {"wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - spent}
+        write_text(times, json.dumps(took))
+    content |= json.loads(times.read_text()) | {"version": _version()}
+    result.parent.mkdir(parents=True, exist_ok=True)
+    write_text(result, to_json(content))
+    print(_line(content, json.loads((work / "sealed" / f"{name}.json").read_text()), name), flush=True)
+
+
+def _line(content: dict[str, Any], truth: dict[str, Any], name: str) -> str:
+    planted = " + ".join(f"{e['name']}.{e['target']}" for e in truth["effects"]) or "nothing"
+    named = " + ".join(content["causes"]) or "nothing"
+    others = ", ".join(content["ambiguous_with"])
+    also = f" (or {others})" if others else ""
+    times = f"{content['wall_s']:.0f} s, {content['cpu_s']:.0f} s of a core"
+    gap = truth["gap_over_floor"]
+    return f"{name}: {planted}, {gap:.1f} floors: {content['verdict']}: {named}{also}; {times}"
+
+
+def _version() -> str:
+    """Return the code's commit, marked where the work tree differs from it."""
+    command = ["git", "describe", "--always", "--dirty", "--abbrev=12"]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    return found.stdout.strip() or "unknown"
+
+
+def _unreachable(work: Path) -> list[str]:
+    return sorted({path.read_text().strip() for path in (work / "unreachable").glob("case-*")})
+
+
+def write_record(out: Path, plan: str, cases: list[Case], record: dict[str, Any]) -> None:
+    """Write the record, each case's row, the confusion matrix and the calibration plot."""
+    out.mkdir(parents=True, exist_ok=True)
+    versions = sorted({str(c.diagnosis.get("version")) for c in cases})
+    cost = [float(c.diagnosis["cpu_s"]) for c in cases if c.diagnosis["effects"]]
+    more = {"versions": versions, "median_cpu_s": float(np.median(cost)) if cost else None}
+    write_text(out / f"{plan}.json", to_json(record | more))
+    lines = [
+        "| case | planted | gap, floors | verdict | blamed | not to be told from it | other |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for row in record["rows"]:
+        lines.append(
+            f"| {row['case'][5:]} | {', '.join(row['planted']) or '–'} | {row['gap_over_floor']:.1f} | "
+            f"{row['verdict']} | {', '.join(row['causes']) or '–'} | "
+            f"{', '.join(row['ambiguous_with']) or '–'} | {row['other_probability'] or 0.0:.2f} |"
+        )
+    write_text(out / f"{plan}.md", "\n".join([*(f"- {s}" for s in sentences(record)), "", *lines]) + "\n")
+    _confusion(out / f"{plan}-confusion.png", cases)
+    _calibration(out / f"{plan}-calibration.png", record)
+
+
+def _confusion(path: Path, cases: list[Case]) -> None:
+    """Draw what was planted against what was blamed first."""
+    counts: dict[tuple[str, str], int] = {}
+    for case in cases:
+        if case.kind in ("single", "none"):
+            pair = ((case.planted or ["nothing"])[0], case.top or "nothing")
+            counts[pair] = counts.get(pair, 0) + 1
+    names = sorted({name for pair in counts for name in pair})
+    table = np.array([[counts.get((row, column), 0) for column in names] for row in names], dtype=float)
+    share = table / np.maximum(table.sum(axis=1, keepdims=True), 1.0)
+    size = 1.8 + 0.23 * len(names)
+    figure, axes = plt.subplots(figsize=(size + 1.0, size), layout="constrained")
+    axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0)
+    for (row, column), count in np.ndenumerate(table):
+        if count:
+            colour = "white" if share[row, column] > 0.6 else "black"
+            axes.text(column, row, f"{count:.0f}", ha="center", va="center", color=colour, fontsize=7)
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.set_xlabel("blamed first")
+    axes.set_ylabel("planted")
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
+
+
+def _calibration(path: Path, record: dict[str, Any]) -> None:
+    """Draw how often the first cause was right against the probability that was said."""
+    figure, axes = plt.subplots(figsize=(4.2, 4.0), layout="constrained")
+    axes.plot([0.0, 1.0], [0.0, 1.0], color="0.6", linewidth=1.0, linestyle="--", label="as said")
+    rows = record["calibration"]
+    said, right = np.array([r["said"] for r in rows]), np.array([r["value"] for r in rows])
+    ends = np.array([r["ci90"] for r in rows]).reshape(-1, 2)
+    axes.errorbar(said, right, [right - ends[:, 0], ends[:, 1] - right], fmt="o", color="#0072B2", capsize=3)
+    for row in rows:
+        axes.annotate(f"{row['cases']}", (row["said"], row["value"]), (6, -10), textcoords="offset points")
+    axes.set_xlabel("probability said of the first cause")
+    axes.set_ylabel("how often it was right")
+    axes.set_xlim(0.0, 1.05)
+    axes.set_ylim(0.0, 1.05)
+    axes.legend(loc="upper left", frameon=False)
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    main()
