@@ -7,11 +7,18 @@ after Auger and Hansen, "A Restart CMA Evolution Strategy With Increasing Popula
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from gaitopt.optimise.solution import Box, Evaluate, Point, Solution, Stop
+
+Choose = Callable[[Point, int], Point]
+"""Which candidates to evaluate, shape (count, d), of those on offer, shape (n, d)."""
+
+OFFERED = 3
+"""Candidates on offer for each that is evaluated, where there is something to choose by."""
 
 
 def minimise(
@@ -21,7 +28,7 @@ def minimise(
     sigma: float,
     budget: int,
     rng: np.random.Generator,
-    known: Sequence[Point] = (),
+    choose: Choose | None = None,
     restarts: int = 100,
 ) -> Solution:
     """Search from `x0` with steps of about `sigma` until the budget is spent.
@@ -35,7 +42,8 @@ def minimise(
         sigma: initial standard deviation, in units of the box.
         budget: evaluations allowed; the last population is cut to fit.
         rng: source of all randomness.
-        known: further good points; the first population takes them in, and with them their directions.
+        choose: picks each population out of `OFFERED` times as many candidates; without it all are
+            evaluated.
         restarts: how many further runs may follow the first.
     """
     import cma
@@ -53,10 +61,8 @@ def minimise(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pycma warns of its own option checks
             strategy = cma.CMAEvolutionStrategy(x0, sigma, options)
-        strategy.inject(list(known))
-        known = ()
         while not strategy.stop():
-            candidates = np.array(strategy.ask())[: budget - spent]
+            candidates = _population(strategy, population, choose)[: budget - spent]
             costs = evaluate(candidates)
             spent += len(candidates)
             if costs.min() < best_cost:
@@ -66,6 +72,12 @@ def minimise(
             strategy.tell(list(candidates), costs.tolist())
         x0, population = rng.uniform(size=box.dimension), 2 * population
     return Solution(best, best_cost, spent, Stop.CONVERGED)
+
+
+def _population(strategy: Any, count: int, choose: Choose | None) -> Point:
+    if choose is None:
+        return np.array(strategy.ask())
+    return choose(np.array(strategy.ask(OFFERED * count)), count)
 
 
 def _walls(bounds: Point) -> list[float | None]:

@@ -11,7 +11,7 @@ from scipy.stats import qmc
 
 from gaitopt.errors import GaitoptError, nearest
 from gaitopt.gait import Gait
-from gaitopt.optimise import cma_es, nelder_mead, pareto
+from gaitopt.optimise import cma_es, nelder_mead, pareto, surrogate
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.solution import Box
@@ -19,13 +19,13 @@ from gaitopt.space import GaitSpace
 
 METHODS = ("default", "cma-es", "nelder-mead")
 
-_FIRST = 0.1
-"""Share of the budget that the default method spends on a quasi-random first batch."""
+_FIRST, _FIRST_MOST = 0.1, 40
+"""Share of the budget that the default method spends on a quasi-random first batch, and gaits at most."""
 
 _POLISH = 0.15
 """Share of the budget that the default method leaves to Nelder–Mead; the rest is CMA-ES's."""
 
-_SPREAD = 0.2
+_SPREAD = 0.1
 """First standard deviation of a cold search, in units of the box."""
 
 _PLANNED_SPREAD = 0.05
@@ -106,19 +106,17 @@ class Study:
             points = np.array([self._space.encode(gait) for gait in planned])[: self._left]
             known += self._known("plan", points)
         elif method == "default":
-            known += self._known(
-                "quasi-random", quasi_random(self._space, max(1, round(_FIRST * self._until)), self.seed)
-            )
+            count = min(max(1, round(_FIRST * self._until)), _FIRST_MOST)
+            known += self._known("quasi-random", quasi_random(self._space, count, self.seed))
         ranked = [point for point, _ in sorted(known, key=lambda pair: pair[1])]
         start = ranked[0] if ranked else np.full(len(self._space.variables), 0.5)
-        others = [self._beside(point, start) for point in ranked[1:]] if planned else []
         spread = _PLANNED_SPREAD if planned else _SPREAD
         if method == "nelder-mead":
             self._polish(start, self._left, spread)
         elif method == "cma-es":
-            self._search(start, self._left, spread, others)
+            self._search(start, self._left, spread)
         else:
-            self._search(start, self._left - round(_POLISH * self._until), spread, others)
+            self._search(start, self._left - round(_POLISH * self._until), spread)
             self._polish(self.best.point, self._left, _POLISH_EDGE)
         self._until = self.budget
         if front:
@@ -147,22 +145,28 @@ class Study:
 
         start = min(self.entries, key=aim).point
         rng = np.random.default_rng([self.seed, _PARETO_STREAM + stream])
-        cma_es.minimise(costs, Box(self._space.circular), start, _FRONT_SPREAD, budget, rng)
+        choose = self._chooser(aim)
+        cma_es.minimise(costs, Box(self._space.circular), start, _FRONT_SPREAD, budget, rng, choose)
 
     def _known(self, method: str, points: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], float]]:
         return list(zip(points, self._evaluate(method, points).tolist(), strict=True))
 
-    def _beside(self, point: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `point` with each phase on the turn of the circle that is nearest to `centre`."""
-        return np.where(self._space.circular, centre + (point - centre + 0.5) % 1.0 - 0.5, point)
-
-    def _search(
-        self, x0: NDArray[np.float64], budget: int, sigma: float, others: Sequence[NDArray[np.float64]]
-    ) -> None:
+    def _search(self, x0: NDArray[np.float64], budget: int, sigma: float) -> None:
         if budget > 0:
             rng = np.random.default_rng([self.seed, METHODS.index("cma-es")])
             box = Box(self._space.circular)
-            cma_es.minimise(lambda x: self._evaluate("cma-es", x), box, x0, sigma, budget, rng, others)
+            choose = self._chooser(lambda entry: entry.evaluation.cost)
+            cma_es.minimise(lambda x: self._evaluate("cma-es", x), box, x0, sigma, budget, rng, choose)
+
+    def _chooser(self, aim: pareto.Aim) -> cma_es.Choose:
+        """Return what picks candidates by all that was evaluated so far."""
+
+        def choose(candidates: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+            points = np.array([entry.point for entry in self.entries]).reshape(-1, candidates.shape[1])
+            costs = np.array([aim(entry) for entry in self.entries])
+            return surrogate.most_promising(points, costs, candidates, count, self._space.circular)
+
+        return choose
 
     def _polish(self, x0: NDArray[np.float64], budget: int, edge: float) -> None:
         if budget > 0:

@@ -16,13 +16,15 @@ that the same core would have computed in it. The time that an optimiser thinks 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -30,10 +32,14 @@ from numpy.typing import NDArray
 from scipy import optimize
 from scipy.stats import qmc
 
+from gaitopt.gait import Gait
 from gaitopt.objective import Evaluation
+from gaitopt.optimise import cma_es
 from gaitopt.optimise.evaluator import Evaluator, Outcome, Setting
 from gaitopt.optimise.executors import SerialExecutor
-from gaitopt.plan import Planner
+from gaitopt.optimise.journal import Journal
+from gaitopt.optimise.study import Study
+from gaitopt.plan import Planner, PlanSettings
 from gaitopt.problem import Problem, load_problem
 from gaitopt.rollout import NOMINAL
 
@@ -229,6 +235,67 @@ RIVALS: dict[str, Callable[[BlackBox, int], None]] = {
 }
 
 
+# --- gaitopt ----------------------------------------------------------------------------------
+
+
+def default(record: Recorded, seed: int) -> float:
+    """The default method, from a plan where the problem has one; return the plan's own time, s."""
+    return _study(record, seed, warm=record.plans)
+
+
+def cold(record: Recorded, seed: int) -> float:
+    """The same without a plan."""
+    return _study(record, seed, warm=False)
+
+
+def without_surrogate(record: Recorded, seed: int) -> float:
+    """The default method, every candidate evaluated."""
+    offered, cma_es.OFFERED = cma_es.OFFERED, 1
+    try:
+        return _study(record, seed, warm=record.plans)
+    finally:
+        cma_es.OFFERED = offered
+
+
+def _study(record: Recorded, seed: int, warm: bool) -> float:
+    problem = record.setting.problem
+    began = time.process_time()
+    elites = Planner(problem, PlanSettings(seed=seed)).plan().elites if warm else ()
+    plan_s = time.process_time() - began if warm else 0.0
+    baselines = list(problem.baselines.values())
+    starts = [(g, e.cost) for g, (e, _) in zip(baselines, record(baselines), strict=True)]
+    with TemporaryDirectory() as folder:
+        journal = Journal(Path(folder) / "evaluations.csv", problem)
+        study = Study(record, journal, record.budget - len(baselines), seed)  # type: ignore[arg-type]
+        study.run("default", starts, [elite.gait for elite in elites])
+    return plan_s
+
+
+class Recorded:
+    """An evaluator that remembers what gaits cost.
+
+    Attributes:
+        plans: whether the case is one that a plan helps: a plan of the planar black box is its optimum.
+    """
+
+    def __init__(self, case: str):
+        self.evaluator = evaluator_of(case)
+        self.setting = self.evaluator.setting
+        self.budget, self.plans = CASES[case], case == "arcfold"
+        self.costs: list[float] = []
+        self.simulated_s: list[float] = []
+
+    def __call__(self, gaits: Sequence[Gait]) -> list[tuple[Evaluation, list[Outcome]]]:
+        """Return evaluation and outcomes of each gait."""
+        rows: list[tuple[Evaluation, list[Outcome]]] = self.evaluator(gaits)
+        self.costs += [evaluation.cost for evaluation, _ in rows]
+        self.simulated_s += [sum(outcome.simulated_s for outcome in outcomes) for _, outcomes in rows]
+        return rows
+
+
+OURS = {"gaitopt": default, "gaitopt, cold": cold, "gaitopt, no surrogate": without_surrogate}
+
+
 # --- runs -------------------------------------------------------------------------------------
 
 
@@ -239,6 +306,23 @@ def run_rival(case: str, method: str, seed: int) -> dict[str, Any]:
         warnings.simplefilter("ignore")  # each has some, of its own matters
         RIVALS[method](box, seed)
     return {"improvements": improvements(box.costs, box.simulated_s), **totals(box.costs, box.simulated_s)}
+
+
+def run_ours(case: str, method: str, seed: int) -> dict[str, Any]:
+    """Return the record of one run of gaitopt, with what its plan would have simulated meanwhile."""
+    record = Recorded(case)
+    record(list(record.setting.problem.baselines.values()))  # compiles
+    began = time.process_time()
+    record(list(record.setting.problem.baselines.values()))
+    speed = sum(record.simulated_s) / 2 / (time.process_time() - began)
+    record.costs, record.simulated_s = [], []
+    plan_s = OURS[method](record, seed)
+    return {
+        "improvements": improvements(record.costs, record.simulated_s),
+        **totals(record.costs, record.simulated_s),
+        "plan_s": round(plan_s, 2),
+        "plan_simulated_s": round(plan_s * speed, 1),
+    }
 
 
 def improvements(costs: list[float], simulated_s: list[float]) -> list[list[float]]:
@@ -262,6 +346,9 @@ def mark(case: str) -> str:
     return repr(box(np.full(box.dimension, 0.5)))
 
 
+METHODS = [*OURS, *RIVALS]
+
+
 @contextmanager
 def timed(record: dict[str, Any]) -> Iterator[None]:
     """Add the processor time of a run to its record."""
@@ -275,7 +362,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
-    parser.add_argument("--methods", nargs="+", choices=RIVALS, default=list(RIVALS))
+    parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
@@ -284,13 +371,11 @@ def main() -> None:
     have = {(r["case"], r["method"], r["seed"]) for r in done}
     marks = {case: mark(case) for case in options.cases}
     for seed in range(options.seeds):
-        for case in options.cases:
-            for method in options.methods:
-                if (case, method, seed) in have:
-                    continue
+        for case, method in itertools.product(options.cases, options.methods):
+            if (case, method, seed) not in have and (case == "arcfold" or method != "gaitopt, cold"):
                 record: dict[str, Any] = {"case": case, "method": method, "seed": seed, "mark": marks[case]}
                 with timed(record):
-                    record |= run_rival(case, method, seed)
+                    record |= (run_rival if method in RIVALS else run_ours)(case, method, seed)
                 with path.open("a") as file:
                     file.write(json.dumps(record, ensure_ascii=False) + "\n")
                 print(case, method, seed, record["cpu_s"], record["improvements"][-1], flush=True)
