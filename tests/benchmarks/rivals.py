@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
+import math
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -33,6 +34,7 @@ from scipy import optimize
 from scipy.stats import qmc
 
 from gaitopt.gait import Gait
+from gaitopt.metrics import METRICS
 from gaitopt.objective import Evaluation
 from gaitopt.optimise import cma_es
 from gaitopt.optimise.evaluator import Evaluator, Outcome, Setting
@@ -69,6 +71,8 @@ class PlanarEvaluator:
     def __init__(self, problem: Problem):
         self.setting = Setting.of(problem, (NOMINAL,), problem.simulation.working)
         self._planner = Planner(problem)
+        names = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
+        self._unknown = dict.fromkeys(names, math.nan)
 
     def __call__(self, gaits: list[Any]) -> list[tuple[Evaluation, list[Outcome]]]:
         """Return evaluation and outcome of each gait."""
@@ -76,10 +80,10 @@ class PlanarEvaluator:
 
     def _judged(self, gait: Any) -> tuple[Evaluation, list[Outcome]]:
         planner = self._planner
-        speed = planner.model.speed(planner.vector(gait), PLANAR_WIDTH)
+        speed = float(planner.model.speed(planner.vector(gait), PLANAR_WIDTH))
+        metrics = self._unknown | {"speed_m_s": speed}
         cycles = planner.model.settling_cycles(gait.period_s) + 1
-        evaluation = Evaluation(-speed, {"speed_m_s": speed}, {}, "ok")
-        return evaluation, [Outcome({"speed_m_s": speed}, "ok", cycles * gait.period_s)]
+        return Evaluation(-speed, metrics, {}, "ok"), [Outcome(metrics, "ok", cycles * gait.period_s)]
 
 
 @dataclass
