@@ -28,7 +28,7 @@ NO_GAP = 1.1
 FAINT_GAP = 1.8
 """And one that leaves no more than this has none either, if no effect explains it."""
 
-LEFT = 3.0
+LEFT = 2.0
 """A rival that leaves more than this leaves a significant gap."""
 
 _OTHER_HALF, _OTHER_SLOPE = 3.0, 3.0
@@ -48,7 +48,7 @@ chance."""
 _LITTLE = 0.3
 """A smaller part of the whitened residual explains nothing."""
 
-_UNLIKE_NOMINAL = 0.04
+_UNLIKE_NOMINAL = 0.003
 """What is left counts above this share of the nominal loss: nuisances grow with an effect."""
 
 

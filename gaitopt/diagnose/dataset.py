@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gaitopt.diagnose.tables import Table, read_csv
 from gaitopt.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.files import read_toml, validated
+from gaitopt.files import inside, read_toml, validated
 from gaitopt.gait import Gait, read_gait
 from gaitopt.problem import Problem
 from gaitopt.units import ANGLE, LENGTH, TIME, suffix_scale
@@ -177,8 +177,8 @@ def _gait(reference: str, path: Path, problem: Problem, source: str) -> Gait:
 
 
 def _beside(path: Path, name: str, key: str) -> Path:
-    found = path.parent / name
-    if not found.resolve().is_relative_to(path.parent.resolve()):
+    found = inside(path.parent, name)
+    if found is None:
         raise bad_value(key, "path", name, "a file in the data set's folder")
     if not found.is_file():
         raise GaitoptError(f"{key}: {found}: no such file")

@@ -462,7 +462,8 @@ def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, count:
 
 _FIRSTS = 8
 _PAIRS = 8
-_PAIR_ROUNDS = 4
+_PAIR_ROUNDS = (8, 8, 4, 4, 3, 3, 2)
+"""How many pairs are fitted further, round by round."""
 
 
 @dataclass
@@ -525,11 +526,11 @@ def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Not
     pairs = [_started(one, other, at) for one, other, at in _promising(fits, nominal)]
     targets = [pair.points[0].at for pair in pairs]
     count = _Count("fitting pairs of effects", note)
-    count.add(0, 2 * len(pairs) + (_PAIR_ROUNDS - 2) * min(len(pairs), _PAIRS // 2))
+    count.add(0, sum(min(most, len(pairs)) for most in _PAIR_ROUNDS))
     for pair in pairs:
         pair.points.clear()
-    for number in range(_PAIR_ROUNDS):
-        chosen = list(range(len(pairs))) if number < 2 else _leading(pairs, _PAIRS // 2)
+    for number, most in enumerate(_PAIR_ROUNDS):
+        chosen = list(range(len(pairs))) if number < 2 else _leading(pairs, most)
         futures = [(i, executor.submit(_simulate_pair, pairs[i], targets[i])) for i in chosen]
         for index, future in futures:
             point = future.result()

@@ -132,6 +132,8 @@ def _is_deeplabcut(rows: Sequence[Sequence[str]]) -> bool:
 def _deeplabcut(path: Path, rows: Sequence[Sequence[str]], options: Options) -> _Read:
     parts = list(dict.fromkeys(rows[1][1:]))
     part = _chosen(path, parts, options.marker)
+    if len(rows[1]) != len(rows[2]):
+        raise GaitoptError(f"{path}: {len(rows[1])} cells of bodyparts over {len(rows[2])} of coords")
     head = ["frame", *(f"{name}.{coord}" for name, coord in zip(rows[1][1:], rows[2][1:], strict=True))]
     cells = table(path, rows, head, begin=3)
     likely = cells.column(f"{part}.likelihood") >= LIKELY

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gaitopt.errors import GaitoptError
-from gaitopt.files import read_text
+from gaitopt.files import read_json
 
 SMALL = 3.0
 """Cases with a smaller gap, in floors, are reported apart."""
@@ -89,7 +88,7 @@ def read_cases(folder: Path, diagnoses: Path) -> list[Case]:
     for path in sealed:
         found = diagnoses / path.stem / "diagnosis.json"
         if found.is_file():
-            cases.append(Case(path.stem, json.loads(read_text(path)), json.loads(read_text(found))))
+            cases.append(Case(path.stem, read_json(path), read_json(found)))
     return cases
 
 
