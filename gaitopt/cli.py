@@ -144,7 +144,7 @@ def build_parser() -> argparse.ArgumentParser:
         "check",
         _check,
         "audit a model: what would make its gaits mean nothing on a real robot",
-        "gaitopt check arcfold-published",
+        "gaitopt check arcfold",
     )
     _add_report_options(check)
     _add_worker_option(check)

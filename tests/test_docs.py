@@ -19,7 +19,7 @@ import matplotlib
 import pytest
 from planting import dataset, filmed
 
-from gaitopt import cli, demo, plan, video
+from gaitopt import check, cli, correction, demo, plan, video
 from gaitopt.demo import demo_problem
 from gaitopt.diagnose import experiment
 from gaitopt.files import write_text
@@ -47,11 +47,13 @@ def workplace(
 ) -> Path:
     """A folder in which the bundled names mean quick copies; plans have few starts, films few pictures."""
     brief = functools.partial(plan.PlanSettings, n_samples=6, n_starts=(2, 1, 1), iterations=8)
-    for module in (plan, search):
+    for module in (plan, search, correction):
         monkeypatch.setattr(module, "PlanSettings", brief)
     monkeypatch.setattr(search, "_SAMPLE", 4)
     for name, few in (("SECONDS", 1.0), ("_RANDOM", 1), ("_REFINED", 1)):
         monkeypatch.setattr(experiment, name, few)
+    monkeypatch.setattr(correction, "_STARTS", (2, 1, 1))
+    monkeypatch.setattr(check, "_STARTS", 2)
     monkeypatch.setattr(video, "FPS", 2.0)
     monkeypatch.setattr(video, "LOOP_RATES", (2.0,))
     monkeypatch.setattr(demo, "demo_problem", lambda: quick)
