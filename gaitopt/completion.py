@@ -25,23 +25,28 @@ def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
 
 
 def _words(parser: argparse.ArgumentParser) -> dict[str, list[str]]:
-    """Return the options of each command."""
-    commands: Mapping[str, argparse.ArgumentParser] = {}
+    """Return what may follow each command: its options, and its actions with theirs."""
+    return {name: _following(sub) for name, sub in _commands(parser).items()}
+
+
+def _commands(parser: argparse.ArgumentParser) -> Mapping[str, argparse.ArgumentParser]:
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
-            commands = action.choices
-    return {name: _options(sub) for name, sub in commands.items()}
+            return dict(action.choices)
+    return {}
 
 
-def _options(parser: argparse.ArgumentParser) -> list[str]:
-    return [name for action in parser._actions for name in action.option_strings if name.startswith("--")]
+def _following(parser: argparse.ArgumentParser) -> list[str]:
+    options = [name for action in parser._actions for name in action.option_strings if name.startswith("--")]
+    inner = _commands(parser)
+    return list(dict.fromkeys([*inner, *options, *(o for sub in inner.values() for o in _following(sub))]))
 
 
 def _bash(words: Mapping[str, Sequence[str]], for_zsh: bool) -> str:
-    cases = "\n".join(f'    {name}) words="{" ".join(options)}" ;;' for name, options in words.items())
+    cases = "\n".join(f"    {name}) {_bash_words(following)} ;;" for name, following in words.items())
     head = "autoload -U +X bashcompinit && bashcompinit\n" if for_zsh else ""
     return f"""{head}_gaitopt() {{
-  local word="${{COMP_WORDS[COMP_CWORD]}}" words=""
+  local word="${{COMP_WORDS[COMP_CWORD]}}" words="" actions=""
   if [ "$COMP_CWORD" -eq 1 ]; then
     COMPREPLY=($(compgen -W "{" ".join(words)}" -- "$word"))
     return
@@ -51,16 +56,24 @@ def _bash(words: Mapping[str, Sequence[str]], for_zsh: bool) -> str:
   esac
   case "$word" in
     -*) COMPREPLY=($(compgen -W "$words" -- "$word")) ;;
-    *) COMPREPLY=($(compgen -f -- "$word")) ;;
+    *) COMPREPLY=($(compgen -W "$actions" -- "$word") $(compgen -f -- "$word")) ;;
   esac
 }}
 complete -o filenames -F _gaitopt gaitopt
 """
 
 
+def _bash_words(following: Sequence[str]) -> str:
+    options = [word for word in following if word.startswith("--")]
+    actions = [word for word in following if not word.startswith("--")]
+    return f'words="{" ".join(options)}"' + (f' actions="{" ".join(actions)}"' if actions else "")
+
+
 def _fish(words: Mapping[str, Sequence[str]]) -> str:
     lines = [f"complete -c gaitopt -n __fish_use_subcommand -f -a '{' '.join(words)}'"]
     for name, options in words.items():
         seen = f"'__fish_seen_subcommand_from {name}'"
-        lines += [f"complete -c gaitopt -n {seen} -l {option.removeprefix('--')}" for option in options]
+        for word in options:
+            what = f"-l {word.removeprefix('--')}" if word.startswith("--") else f"-a {word}"
+            lines.append(f"complete -c gaitopt -n {seen} {what}")
     return "\n".join(lines) + "\n"

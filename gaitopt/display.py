@@ -55,19 +55,28 @@ def progress_display(budget: int, quiet: bool) -> Iterator[Callable[[Progress], 
 
 
 def _plain_lines(console: Console) -> Callable[[Progress], None]:
-    last = time.monotonic() - _PLAIN_EVERY_S
+    began = time.monotonic()
+    last, resumed = began - _PLAIN_EVERY_S, -1
 
     def show(progress: Progress) -> None:
-        nonlocal last
-        if time.monotonic() - last >= _PLAIN_EVERY_S or progress.done >= progress.budget:
-            last = time.monotonic()
+        nonlocal last, resumed
+        now = time.monotonic()
+        resumed = progress.done if resumed < 0 else resumed
+        if now - last >= _PLAIN_EVERY_S or progress.done >= progress.budget:
+            last = now
             console.print(
                 f"{progress.done}/{progress.budget} gaits, {progress.method}, best {_best(progress)}, "
-                f"{progress.simulated_s:.0f} s simulated",
+                f"{progress.simulated_s:.0f} s simulated{_time_left(progress, resumed, now - began)}",
                 highlight=False,
             )
 
     return show
+
+
+def _time_left(progress: Progress, resumed: int, spent_s: float) -> str:
+    """Return how long the rest of the search takes at the pace so far, in words; nothing at its ends."""
+    done, left = progress.done - resumed, progress.budget - progress.done
+    return f", about {spent_s * left / done:.0f} s left" if done > 0 and left > 0 else ""
 
 
 def _best(progress: Progress) -> str:

@@ -155,7 +155,7 @@ def test_a_pad_holds_slides_or_slips(strider: Problem) -> None:
 @pytest.mark.parametrize("shell", SHELLS)
 def test_completion_knows_every_command(shell: str) -> None:
     script = completion_script(cli.build_parser(), shell)
-    assert all(name in script for name in ("optimise", "simulate", "export", "budget", "video"))
+    assert all(name in script for name in ("optimise", "simulate", "export", "budget", "video", "score"))
 
 
 def test_completion_of_an_unknown_shell() -> None:
