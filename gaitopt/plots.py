@@ -19,6 +19,7 @@ from gaitopt.optimise.journal import Entry
 from gaitopt.optimise.pareto import FrontGait, speed, transport
 from gaitopt.optimise.sensitivity import Sensitivity
 from gaitopt.problem import Problem
+from gaitopt.quantities import title_of
 from gaitopt.roles import Roles
 from gaitopt.trajectory import Trajectory
 
@@ -287,19 +288,24 @@ def sensitivity(found: Sequence[Sensitivity], step: str) -> Figure:
 def findings(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Draw by how much each finding of an audit exceeds its limit."""
     shown = [row for row in rows if row["limit"] > 0.0 and np.isfinite(row["value"]) and row["value"] > 0.0]
-    ratios = np.array([row["value"] / row["limit"] for row in shown])
+    ratios = np.array([beyond(row["value"], row["limit"]) for row in shown])
     figure = Figure(figsize=(_WIDTH, 1.2 + 0.32 * max(1, len(shown))), layout="constrained")
     axes = figure.subplots()
     places = np.arange(len(shown))[::-1]
     axes.barh(places, ratios, color=COLOURS[0], height=0.6)
     axes.axvline(1.0, color="k", linestyle="--", linewidth=1.2, label="limit")
-    labels = [f"{row['name']}{': ' + row['gait'] if row['gait'] else ''}" for row in shown]
+    labels = [title_of(row["name"]) + (f": {row['gait']}" if row["gait"] else "") for row in shown]
     axes.set_yticks(places, labels, fontsize=8)
     if len(shown) and ratios.max() > 20.0:
         axes.set_xscale("log")
         plain_ticks(axes.xaxis)
-    finish(axes, "value over its limit", "")
+    finish(axes, "times its limit [1]", "")
     return figure
+
+
+def beyond(value: float, limit: float) -> float:
+    """Return how far a finding lies beyond its limit: of shares that should be larger, limit over value."""
+    return max(value / limit, limit / value) if value > 0.0 else np.inf
 
 
 def along(trajectory: Trajectory, roles: Roles, axis: int) -> NDArray[np.float64]:

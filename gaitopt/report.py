@@ -76,15 +76,23 @@ def answer_of(summary: Mapping[str, Any]) -> str:
     """Return the result of a run in one sentence."""
     best = summary["best"]
     speed, (low, high) = best["speed_m_s"], best["speed_ci90_m_s"]
+    if speed is None or not _finite(speed):
+        return f"The best gait of the search failed where it was verified: {best['status']}."
     text = (
         f"The best gait crawls at {1e3 * speed:.1f} mm/s (90 % interval {1e3 * low:.1f} to {1e3 * high:.1f})"
     )
     ratio = summary["ratio_to_best_baseline"]
     if ratio is not None:
-        fastest = max(summary["baselines"], key=lambda row: row["speed_m_s"])
+        fastest = _fastest(summary)
         text += f", {ratio:.2f} times the fastest hand-tuned gait, {fastest['name']}"
     met = "meets every constraint" if best["constraints_met"] else f"violates {_names(best['violations'])}"
     return f"{text}, and {met}."
+
+
+def _fastest(summary: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the row of the fastest baseline; one whose simulation failed has no speed."""
+    able = [row for row in summary["baselines"] if row["speed_m_s"] is not None and _finite(row["speed_m_s"])]
+    return max(able or summary["baselines"], key=lambda row: row["speed_m_s"])
 
 
 def _pictures(simulator: Simulator, optimised: Optimised, summary: Mapping[str, Any]) -> Pictures:
@@ -130,8 +138,8 @@ def _pictures(simulator: Simulator, optimised: Optimised, summary: Mapping[str, 
         "Convergence of the search",
         plots.convergence(optimised.entries, hand_tuned),
         "Speed of every gait evaluated, by method; stars are planned gaits, where the search started from "
-        "some. Crosses and hollow stars violate a constraint; the best so far counts violations too, so it may step down to a "
-        "slower gait that has none. Horizontal lines are the hand-tuned gaits.",
+        "some. Crosses and hollow stars violate a constraint; the best so far counts violations too, so it "
+        "may step down to a slower gait that has none. Horizontal lines are the hand-tuned gaits.",
     )
     return pictures
 
@@ -194,7 +202,7 @@ def film_section(
 
     gaits = [optimised.best.gait]
     if summary["baselines"]:
-        fastest = max(summary["baselines"], key=lambda row: row["speed_m_s"])
+        fastest = _fastest(summary)
         gaits.append(simulator.problem.baselines[fastest["name"]])
     period = max(gait.period_s for gait in gaits)
     begin = simulator.problem.simulation.horizon.transient_s
@@ -299,8 +307,8 @@ def write_audit(path: Path, problem: Problem, rows: Sequence[Mapping[str, Any]])
         pictures["findings"] = Picture(
             "How far beyond the limits",
             plots.findings(rows),
-            "Each finding that has a limit, as a multiple of it. Shares that should be larger, such as the "
-            "travel that a servo reaches, lie left of the line.",
+            "How far each finding that has a limit lies beyond it: the longer, the worse. Of shares that "
+            "should be larger, such as the travel that a servo reaches, it is the limit over the value.",
         )
     if able:
         pictures["position"] = Picture(
@@ -317,7 +325,8 @@ def write_audit(path: Path, problem: Problem, rows: Sequence[Mapping[str, Any]])
     found = f"{len(rows)} finding{'s' * (len(rows) != 1)} of {len(kinds)} kind{'s' * (len(kinds) != 1)}"
     page = Page(
         title=f"{problem.name}: audit of the model",
-        answer=f"{found}: {', '.join(map(title_of, kinds))}. Repair these before you trust a speed."
+        answer=f"{found}{_where(rows, problem)}: {', '.join(map(title_of, kinds))}. Repair these before you "
+        "trust a speed that they touch."
         if rows
         else "Nothing found: the model passes every check.",
         asked={
@@ -336,6 +345,13 @@ def write_audit(path: Path, problem: Problem, rows: Sequence[Mapping[str, Any]])
     write_into(folder, "report.html", lambda file: write_text(file, page.html()))
     write_into(folder, "check.json", lambda file: write_text(file, to_json({"findings": rows})))
     return folder
+
+
+def _where(rows: Sequence[Mapping[str, Any]], problem: Problem) -> str:
+    """Return at which gaits findings show, in words, where the model and other gaits have none."""
+    gaits = list(dict.fromkeys(row["gait"] for row in rows))
+    some = "" not in gaits and len(gaits) < len(problem.baselines)
+    return f", at {' and '.join(gaits)} alone" if some else ""
 
 
 def write_sweep(path: Path | None, problem: Problem, points: Sequence[tuple[Problem, Gait]]) -> Path:
@@ -395,7 +411,7 @@ def _tiles(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         (f"{figure(best['period_s'])} s", f"period; {1e3 * best['stride_m']:.1f} mm a stride"),
     ]
     if summary["ratio_to_best_baseline"] is not None:
-        fastest = max(summary["baselines"], key=lambda row: row["speed_m_s"])
+        fastest = _fastest(summary)
         tiles.insert(1, (f"{summary['ratio_to_best_baseline']:.2f} times", f"the speed of {fastest['name']}"))
     met = "met" if best["constraints_met"] else "violated"
     return [
@@ -543,7 +559,7 @@ def _finding_table(rows: Sequence[Mapping[str, Any]]) -> Table:
             [
                 title_of(row["name"]),
                 row["gait"] or "–",
-                f"{figure(row['value'] / row['limit'])} times" if row["limit"] > 0.0 else "–",
+                f"{figure(plots.beyond(row['value'], row['limit']))} times" if row["limit"] > 0.0 else "–",
                 row["message"],
             ]
             for row in rows

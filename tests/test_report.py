@@ -13,9 +13,11 @@ from matplotlib import pyplot as plt
 from gaitopt import cli, plots
 from gaitopt.comparison import _ratio
 from gaitopt.completion import SHELLS, completion_script
+from gaitopt.display import _time_left
 from gaitopt.errors import GaitoptError
 from gaitopt.model import Robot
 from gaitopt.optimise.sensitivity import Sensitivity
+from gaitopt.optimise.study import Progress
 from gaitopt.page import typeset
 from gaitopt.problem import Problem
 from gaitopt.quantities import figure, label_of, shown, title_of
@@ -150,6 +152,12 @@ def test_a_pad_holds_slides_or_slips(strider: Problem) -> None:
         states = plots.pad_states(strider, trajectory, pad, robot)
         assert states.sum(axis=0).max() == 1
         assert states.any()
+
+
+def test_time_left_is_at_the_pace_since_the_search_began_or_resumed() -> None:
+    assert _time_left(Progress(30, 90, "cma-es", None, 0.0), 10, 5.0) == ", about 15 s left"
+    assert _time_left(Progress(10, 90, "cma-es", None, 0.0), 10, 5.0) == ""
+    assert _time_left(Progress(90, 90, "cma-es", None, 0.0), 10, 5.0) == ""
 
 
 @pytest.mark.parametrize("shell", SHELLS)
