@@ -68,6 +68,11 @@ def write_page(
         notes=notes,
         sections=[
             *([Section("Which effect", table=_effects_table(content))] if content["effects"] else []),
+            *(
+                [Section("How far the gap shrinks", table=_shrinkage_table(content))]
+                if content["gap_by_trial"]
+                else []
+            ),
             *save_figures(folder, _cause_pictures(diagnosis)),
             *films,
             *save_figures(folder, _trial_pictures(diagnosis, after)),
@@ -285,6 +290,22 @@ def _effect_row(row: Mapping[str, Any]) -> list[str]:
 
 def _probability(value: float) -> str:
     return "< 0.1 %" if value < 1e-3 else f"{100 * value:.1f} %"
+
+
+def _shrinkage_table(content: Mapping[str, Any]) -> Table:
+    rows = []
+    for row in [*content["gap_by_trial"], {"trial": "all trials"} | content["gap"]]:
+        share, ends = row["shrinkage"], row["shrinkage_ci90"]
+        millimetres = [figure(1e3 * row[f"{key}_m"]) for key in ("heldout_before", "heldout_after", "floor")]
+        known = share is not None and all(math.isfinite(end) for end in ends)
+        removed = f"{share:.0%} ({ends[0]:.0%} to {ends[1]:.0%})" if known else "–"
+        rows.append([row["trial"], *millimetres, removed])
+    return Table(
+        head=["trial", "before, mm", "after, mm", "floor, mm", "gap removed (90 %)"],
+        rows=rows,
+        note="RMS error of the marker on data that the fit did not see, with the most probable effect. "
+        "Removed: share of what is above the floor; a dash where nothing is.",
+    )
 
 
 def _walked_table(walked: Sequence[Walked]) -> Table:

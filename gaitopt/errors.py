@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Iterable
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 200
 
 
 class GaitoptError(Exception):
-    """A problem the user can act on; its text is one line, and the command line exits with 1."""
+    """A problem the user can act on; its text is one line, and the command line exits with 1.
+
+    Names from files stand in it: what is no letter, and could move a terminal's cursor, is escaped.
+    """
 
     def __init__(self, message: str):
-        super().__init__(" ".join(str(message).split()))
+        text = " ".join(str(message).split())
+        super().__init__("".join(c if c.isprintable() else ascii(c)[1:-1] for c in text))
+
+
+def found(value: object) -> str:
+    """Return a value as a message quotes it: not without end, however long or deep it is."""
+    return _SHORT.repr(value)
 
 
 def nearest(name: object, options: Iterable[str]) -> str:
@@ -20,14 +33,16 @@ def nearest(name: object, options: Iterable[str]) -> str:
 
 
 def bad_value(
-    source: object, key: str, found: object, allowed: str, options: Iterable[str] = ()
+    source: object, key: str, value: object, allowed: str, options: Iterable[str] = ()
 ) -> GaitoptError:
     """Return the error for a value in a file: file, key, what was found, what is allowed."""
-    return GaitoptError(f"{source}: {key}: found {found!r}; allowed: {allowed}{nearest(found, options)}")
+    return GaitoptError(f"{source}: {key}: found {found(value)}; allowed: {allowed}{nearest(value, options)}")
 
 
 def unknown_name(source: object, what: str, name: object, options: Iterable[str]) -> GaitoptError:
     """Return the error for a name that does not exist: what exists, and the nearest of it."""
     options = list(options)
     listed = ", ".join(options) if options else "none"
-    return GaitoptError(f"{source}: unknown {what} {str(name)!r}; known: {listed}{nearest(name, options)}")
+    return GaitoptError(
+        f"{source}: unknown {what} {found(str(name))}; known: {listed}{nearest(name, options)}"
+    )

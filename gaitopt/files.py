@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 import tomllib
@@ -13,7 +14,7 @@ from typing import Any, TypeVar, Union, get_origin
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from gaitopt.errors import GaitoptError, nearest
+from gaitopt.errors import GaitoptError, found, nearest
 
 Record = TypeVar("Record", bound=BaseModel)
 
@@ -55,8 +56,34 @@ def read_toml(path: Path) -> dict[str, Any]:
     text = read_text(path)
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # TOMLDecodeError is one; a number of 5000 digits raises another
         raise GaitoptError(f"{path}: not TOML: {error}") from None
+    except RecursionError:
+        raise GaitoptError(f"{path}: not TOML: nested too deep") from None
+
+
+def read_json(path: Path) -> Any:
+    """Return the content of a JSON file.
+
+    Raises:
+        GaitoptError: the file cannot be read, or is not JSON.
+    """
+    text = read_text(path)
+    try:
+        return json.loads(text)
+    except ValueError as error:
+        raise GaitoptError(f"{path}: not JSON: {error}") from None
+    except RecursionError:
+        raise GaitoptError(f"{path}: not JSON: nested too deep") from None
+
+
+def inside(folder: Path, name: str) -> Path | None:
+    """Return the path of a file that another one names, or None where it lies outside their folder."""
+    try:
+        path = folder / name
+        return path if path.resolve().is_relative_to(folder.resolve()) else None
+    except (ValueError, RuntimeError, OSError):  # a null byte; links in a circle; a name without end
+        return None
 
 
 def write_with(path: Path, write: Callable[[Path], object]) -> None:
@@ -80,8 +107,16 @@ def write_with(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
-    write_with(path, lambda temporary: temporary.write_text(text, encoding="utf-8", newline="\n"))
+    """Write a text file whole or not at all.
+
+    Raises:
+        GaitoptError: it cannot be written, or holds the name of a file that is no Unicode text.
+    """
+    try:
+        data = text.encode()
+    except UnicodeEncodeError as error:
+        raise GaitoptError(f"{path}: cannot be written: a name in it is no Unicode text") from None
+    write_with(path, lambda temporary: temporary.write_bytes(data))
 
 
 def csv_text(columns: dict[str, np.ndarray]) -> str:
@@ -118,7 +153,7 @@ def _first_problem(error: ValidationError, record: type[BaseModel], source: obje
         text = f"{key}: {first['ctx']['error']}"
     else:
         allowed = first["msg"].replace("Input should be ", "")
-        text = f"{key}: found {first['input']!r}; allowed: {allowed}"
+        text = f"{key}: found {found(first['input'])}; allowed: {allowed}"
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return f"{source}: {text}{more}"
 

@@ -115,6 +115,12 @@ class Causes:
                 targets[target] = targets.get(target, 0.0) + chance
         return sorted(rows.values(), key=lambda row: -row["probability"])
 
+    def gap_of_trial(self, trial: int, floor: float) -> Gap | None:
+        """Return the held-out gap of one trial, its floor given in m; None where nothing was fitted."""
+        if self.gap is None or self.best is None:
+            return None
+        return evidence.gap_of(self.bench, self.nominal, self.best, floor, self.seed, trial)
+
     def _row(self, rival: Rival, index: int) -> dict[str, Any]:
         fit = rival.fits[index]
         effect, at = fit.hypothesis.effect, rival.at[index]

@@ -13,6 +13,7 @@ from gaitopt.diagnose.causes import Causes, find_causes
 from gaitopt.diagnose.cleaning import Cleaned, clean
 from gaitopt.diagnose.dataset import DataSet
 from gaitopt.diagnose.defects import Defect
+from gaitopt.diagnose.evidence import Gap
 from gaitopt.diagnose.experiment import Experiment, propose
 from gaitopt.diagnose.fitting import Note
 from gaitopt.diagnose.floor import Floors, marker_floor, measure_floors
@@ -138,14 +139,17 @@ class Diagnosis:
         located = self.located_gap
         if self.found is None or self.found.gap is None:
             return located
-        fitted = self.found.gap
-        return {
-            "heldout_before_m": fitted.before,
-            "heldout_after_m": fitted.after,
-            "floor_m": fitted.floor,
-            "shrinkage": fitted.shrinkage,
-            "shrinkage_ci90": list(fitted.ci90),
-        }
+        return _gap_row(self.found.gap)
+
+    @property
+    def gap_by_trial(self) -> list[dict[str, Any]]:
+        """The same of each trial; none where nothing was fitted."""
+        rows = []
+        for index, trial in enumerate(self.trials):
+            gap = self.found.gap_of_trial(index, marker_floor(trial.floors)) if self.found else None
+            if gap is not None:
+                rows.append({"trial": trial.name} | _gap_row(gap))
+        return rows
 
     @property
     def located_gap(self) -> dict[str, Any]:
@@ -204,6 +208,7 @@ class Diagnosis:
             "effects": self.found.effects if self.found else [],
             "where": self.where,
             "gap": self.gap,
+            "gap_by_trial": self.gap_by_trial,
             "next_experiment": self.experiment.to_dict() if self.experiment else None,
             "trials": [_trial_row(trial) for trial in self.trials],
             "defects": [defect.to_dict() for trial in self.trials for defect in trial.defects],
@@ -284,6 +289,16 @@ def _trial_gap(simulator: Simulator, cleaned: Cleaned, aligned: Aligned, floors:
                 extra[DEFECT_COMPONENTS[defect.name]] += defect.errors_m.get(name, 0.0) ** 2
         splits[name] = split(aligned, name, transient, extra)
     return TrialGap(cleaned, aligned, floors, splits, tuple(mismatches(aligned, transient)))
+
+
+def _gap_row(gap: Gap) -> dict[str, Any]:
+    return {
+        "heldout_before_m": gap.before,
+        "heldout_after_m": gap.after,
+        "floor_m": gap.floor,
+        "shrinkage": gap.shrinkage,
+        "shrinkage_ci90": list(gap.ci90),
+    }
 
 
 def _trial_row(trial: TrialGap) -> dict[str, Any]:

@@ -325,13 +325,26 @@ def shrinkage(before: float, after: float, floor: float) -> float | None:
     return (before - after) / (before - floor) if before > floor else None
 
 
-def gap_of(bench: Bench, nominal: Point, rival: Rival, floor: float, seed: int) -> Gap:
-    """Return the gap before and after a rival, with an interval over cycles drawn anew."""
+def gap_of(
+    bench: Bench, nominal: Point, rival: Rival, floor: float, seed: int, trial: int | None = None
+) -> Gap:
+    """Return the gap before and after a rival, with an interval over cycles drawn anew.
+
+    Args:
+        bench: the trials.
+        nominal: the trials beside the nominal robot.
+        rival: the rival.
+        floor: the marker's floor, m.
+        seed: seed of the cycles drawn.
+        trial: the trial meant; None for all together.
+    """
     axes = max(1, sum(name.startswith("marker.") for name in bench.views[0].rows))
     count = bench.count
     samples = np.bincount(bench.sample_blocks, minlength=count) / axes
     before: Array = np.bincount(bench.sample_blocks, nominal.apart**2, minlength=count).astype(float)
     after: Array = np.bincount(bench.sample_blocks, rival.apart**2, minlength=count).astype(float)
+
+    meant = np.ones(count) if trial is None else (bench.block_trials == trial).astype(float)
 
     def rms(squares: Array, weights: Array) -> float:
         total = float(weights @ samples)
@@ -340,10 +353,9 @@ def gap_of(bench: Bench, nominal: Point, rival: Rival, floor: float, seed: int) 
     rng = np.random.default_rng([seed, 24])
     drawn = []
     for _ in range(_BOOTSTRAPS):
-        weights = resampled(bench.block_trials, rng)
+        weights = meant * resampled(bench.block_trials, rng)
         share = shrinkage(rms(before, weights), rms(after, weights), floor)
         if share is not None:
             drawn.append(share)
     low, high = np.quantile(drawn, (0.05, 0.95)).tolist() if drawn else (math.nan, math.nan)
-    ones = np.ones(count)
-    return Gap(rms(before, ones), rms(after, ones), floor, (low, high))
+    return Gap(rms(before, meant), rms(after, meant), floor, (low, high))

@@ -12,6 +12,7 @@ import numpy as np
 
 from gaitopt.diagnose.evidence import Rival
 from gaitopt.diagnose.nuisances import nuisance_robots
+from gaitopt.diagnose.predict import gait_key
 from gaitopt.gait import Gait
 from gaitopt.problem import Problem
 from gaitopt.rollout import Simulator
@@ -22,7 +23,9 @@ SECONDS = 6.0
 
 _RANDOM = 8
 _REFINED = 4
-_STEP = 0.12
+_STEPS = (0.12, 0.08)
+"""Sizes of the steps from the best gait so far, measured or not, in units of the box."""
+
 _NOISE_M = 1e-3
 _ANGLE_NOISE_RAD = 3e-3
 _NUISANCES = 2
@@ -63,7 +66,7 @@ def propose(
     executor: Executor,
     seed: int,
 ) -> Experiment | None:
-    """Return the gait on which the rivals differ most; None where there are fewer than two.
+    """Return the gait, none of those measured, on which the rivals differ most; None for less than two.
 
     Args:
         problem: the nominal problem, whose gait space is searched.
@@ -80,17 +83,20 @@ def propose(
     nuisances = nuisance_robots(simulator, seed, _NUISANCES)
     rng = np.random.default_rng([seed, 25])
     judge = _Judge(simulator, robots, nuisances, tuple(signals), executor)
-    size = len(problem.space.variables)
-    points = [problem.space.encode(gait) for gait in problem.baselines.values()]
+    space, size = problem.space, len(problem.space.variables)
+    keys = {gait_key(gait) for gait in measured}
+    points = [space.encode(gait) for gait in problem.baselines.values() if gait_key(gait) not in keys]
     points += list(rng.random((_RANDOM, size)))
-    found = list(zip(judge([problem.space.decode(p) for p in points]), points, strict=True))
-    best = max(found, key=lambda entry: entry[0])
-    near = [problem.space.wrap(best[1] + _STEP * rng.standard_normal(size)) for _ in range(_REFINED)]
-    found += list(zip(judge([problem.space.decode(p) for p in near]), near, strict=True))
+    known = judge(list(measured))
+    found = list(zip(judge([space.decode(p) for p in points]), points, strict=True))
+    for step in _STEPS:
+        again = list(zip(known, [space.encode(gait) for gait in measured], strict=True))
+        _, best = max([*found, *again], key=lambda entry: entry[0])
+        near = [space.wrap(best + step * rng.standard_normal(size)) for _ in range(_REFINED)]
+        found += list(zip(judge([space.decode(p) for p in near]), near, strict=True))
     value, point = max(found, key=lambda entry: entry[0])
-    gait = replace(problem.space.decode(point), name="next")
-    before = max(judge(list(measured)))
-    return Experiment(gait, [" + ".join(r.names) for r in rivals], value, before)
+    gait = replace(space.decode(point), name="next")
+    return Experiment(gait, [" + ".join(r.names) for r in rivals], value, max(known))
 
 
 @dataclass(frozen=True)

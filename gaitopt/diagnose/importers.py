@@ -76,6 +76,13 @@ def import_file(path: Path, options: Options) -> Imported:
     """
     if options.view not in VIEWS:
         raise bad_value("--view", "view", options.view, ", ".join(VIEWS), VIEWS)
+    for option, value, low, high in (
+        ("--fps", options.fps, 1e-3, 1e6),
+        ("--scale-m-per-px", options.scale_m_per_px, 1e-9, 1e3),
+        ("--sync-at", options.sync_at_s, -1e9, 1e9),
+    ):
+        if value is not None and not low <= value <= high:
+            raise bad_value("gaitopt import", option, value, f"{low:g} to {high:g}")
     rows = _cells(path)
     reader = next((read for is_like, read in _FORMATS if is_like(rows)), None)
     if reader is None:
@@ -307,6 +314,8 @@ def _gait_beside(folder: Path, gait: str) -> str:
     path = Path(gait)
     if not path.is_file():
         return gait
+    if path.name == DATASET_FILE:
+        raise GaitoptError(f"--gait: {path}: a data set has a file of this name; rename the gait's")
     shutil.copyfile(path, folder / path.name)
     return path.name
 

@@ -11,8 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.errors import GaitoptError, unknown_name
+from gaitopt.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.files import read_text
+
+_LARGEST = 1e15
+"""No camera, clock or servo gives a larger number, in any unit."""
 
 _MISSING = {"", "nan", "na", "n/a", "none", "null", "-"}
 
@@ -54,12 +57,14 @@ class Table:
         if text.lower() in _MISSING:
             return math.nan
         try:
-            return float(text.replace(self.decimal, "."))
+            number = float(text.replace(self.decimal, "."))
         except ValueError:
-            line = self.first_line + row
-            raise GaitoptError(
-                f"{self.source}: line {line}, column {name}: found {cell!r}; allowed: a number or nothing"
-            ) from None
+            number = math.inf
+        if not abs(number) <= _LARGEST:
+            raise bad_value(
+                f"{self.source}: line {self.first_line + row}", f"column {name}", cell, "a number or nothing"
+            )
+        return number
 
 
 def read_rows(path: Path, delimiter: str = ",") -> list[list[str]]:
