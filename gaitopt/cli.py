@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -25,6 +26,9 @@ DONE, STATED_PROBLEM, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     os.environ.setdefault("MPLBACKEND", "Agg")  # a command draws into files, never into windows
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a letter that a terminal lacks is no reason to stop
+            stream.reconfigure(errors="backslashreplace")
     parser = build_parser()
     try:
         options = parser.parse_args(_canonical(sys.argv[1:] if arguments is None else list(arguments)))
@@ -42,7 +46,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.close()  # the reader went away; nothing is left to tell it
         return STATED_PROBLEM
     except OSError as problem:
-        print(f"gaitopt: {_where(problem)}{problem.strerror or problem}", file=sys.stderr)
+        said = GaitoptError(f"{_where(problem)}{problem.strerror or problem}")
+        print(f"gaitopt: {said}", file=sys.stderr)
+        return STATED_PROBLEM
+    except MemoryError:
+        print("gaitopt: out of memory", file=sys.stderr)
         return STATED_PROBLEM
     return DONE
 
@@ -58,7 +66,7 @@ def _canonical(arguments: list[str]) -> list[str]:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        print(f"gaitopt: {message}; see {self.prog} --help", file=sys.stderr)
+        print(f"gaitopt: {GaitoptError(message)}; see {self.prog} --help", file=sys.stderr)
         raise SystemExit(WRONG_USAGE)
 
 
@@ -791,15 +799,17 @@ def _check_resumed(options: argparse.Namespace) -> None:
 
 def _print_diagnosis(folder: Path, as_json: bool) -> None:
     """Print a finished diagnosis: its answer in words, or its file."""
-    import json
+    from gaitopt.files import read_json
+    from gaitopt.results import to_json
 
-    from gaitopt.files import read_text
-
-    text = read_text(folder / "diagnosis.json")
+    path = folder / "diagnosis.json"
+    content = read_json(path)
+    said = (content.get("answer"), content.get("explanation")) if isinstance(content, dict) else ()
+    if not (said and isinstance(said[0], str) and isinstance(said[1], list)):
+        raise GaitoptError(f"{path}: not the answer of a diagnosis: changed since?")
     if as_json:
-        print(text, end="")
+        print(to_json(content), end="")
         return
-    content = json.loads(text)
     print(content["answer"])
     for sentence in content["explanation"]:
         print(f"- {sentence}")
@@ -966,10 +976,12 @@ def _print_summary(summary: dict[str, Any]) -> None:
 
     rows = []
     for row in [summary["best"], *summary["baselines"]]:
-        low, high = (1e3 * end for end in row["speed_ci90_m_s"])
         met = "met" if row["constraints_met"] else "violated"
-        speed = f"{1e3 * row['speed_m_s']:.1f}"
-        rows.append([row["name"], figure(row["period_s"]), speed, f"{low:.1f} to {high:.1f}", met])
+        low, speed, high = (
+            "-" if value is None else f"{1e3 * value:.1f}"  # a gait that fails has no speed
+            for value in (row["speed_ci90_m_s"][0], row["speed_m_s"], row["speed_ci90_m_s"][1])
+        )
+        rows.append([row["name"], figure(row["period_s"]), speed, f"{low} to {high}", met])
     print_table(["gait", "period [s]", "speed [mm/s]", "90 % interval", "constraints"], rows)
 
 

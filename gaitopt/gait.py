@@ -58,12 +58,13 @@ class Channel(BaseModel):
         ramp = self.ramp_cycles
         if ramp == 0.0:
             return (position < self.duty).astype(float)
+        half = 0.5 * ramp
         after_rise = np.mod(position + 0.5, 1.0) - 0.5
         after_fall = np.mod(position - self.duty + 0.5, 1.0) - 0.5
-        rise = 0.5 + 0.5 * np.sin(np.pi * np.clip(after_rise / ramp, -0.5, 0.5))
-        fall = 0.5 - 0.5 * np.sin(np.pi * np.clip(after_fall / ramp, -0.5, 0.5))
-        near_rise = np.abs(after_rise) < 0.5 * ramp
-        near_fall = np.abs(after_fall) < 0.5 * ramp
+        rise = 0.5 + 0.5 * np.sin(np.pi * (np.clip(after_rise, -half, half) / ramp))
+        fall = 0.5 - 0.5 * np.sin(np.pi * (np.clip(after_fall, -half, half) / ramp))
+        near_rise = np.abs(after_rise) < half
+        near_fall = np.abs(after_fall) < half
         flat = (position < self.duty).astype(float)
         return np.where(near_rise, rise, np.where(near_fall, fall, flat))
 
@@ -102,7 +103,7 @@ class Channel(BaseModel):
 class _GaitFile(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    period_s: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
+    period_s: Annotated[float, Field(strict=True, ge=1e-3, le=1e6, allow_inf_nan=False)]
     channels: Annotated[dict[str, Channel], Field(min_length=1)]
 
 

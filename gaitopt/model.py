@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from gaitopt.effects.active import Active, transferred
 from gaitopt.effects.effect import Parts, is_added
 from gaitopt.effects.servo import net_torque_limits
 from gaitopt.errors import GaitoptError, bad_value, nearest, unknown_name
-from gaitopt.files import read_bytes, read_text
+from gaitopt.files import inside, read_bytes, read_text
 from gaitopt.problem import Fidelity, Parameter, Problem
 
 # A simulation that diverges is a status on its result; MuJoCo would print it and append to a log file here.
@@ -26,8 +26,15 @@ mujoco.set_mju_user_warning(lambda message: None)
 START = "start"
 """Keyframe from which every gait begins."""
 
+_FILE_KEYS = ("file", *(f"file{side}" for side in ("right", "left", "up", "down", "front", "back")))
+"""Attributes of MJCF elements that name a file; the sides are a cube texture's."""
+
+_MAX_DEPTH = 200
+"""Elements nested deeper are no robot."""
+
 _SETTLE_CHUNK_S = 0.25
 _SETTLE_LIMIT_S = 20.0
+_SETTLE_LIMIT_STEPS = 1_000_000
 _REST_SPEED = 1e-6
 """Largest generalised speed at rest, rad/s or m/s: a hundred times below what the contract asks."""
 
@@ -82,7 +89,8 @@ def model_assets(problem: Problem) -> dict[str, bytes]:
     Raises:
         GaitoptError: a file is missing, or lies outside the problem's folder.
     """
-    folder, files = problem.model_path.parent, _asset_files(_with_includes(problem), problem)
+    folder = problem.model_path.parent
+    files = named_files(_with_includes(problem), problem.model_path, problem.carried)
     return {_from(folder, path): data for path, data in files.values()}
 
 
@@ -264,39 +272,56 @@ def _parameterised(problem: Problem) -> ET.Element:
 
 def _with_includes(problem: Problem) -> ET.Element:
     if problem.carried is None:
-        root = _parse(problem.model_path, read_text(problem.model_path), "mujoco")
-        _resolve_includes(root, problem.model_path.parent, depth=0)
-        return root
+        return read_mjcf(problem.model_path)[0]
     return _parse(problem.model_path, problem.carried[problem.model_path.name].decode(), "mujoco")
 
 
+def read_mjcf(path: Path) -> tuple[ET.Element, list[Path]]:
+    """Return an MJCF with its includes resolved, and the files that these are, all from its own folder.
+
+    Raises:
+        GaitoptError: a file is missing or broken, lies outside the folder, or is included twice.
+    """
+    root, included = _parse(path, read_text(path), "mujoco"), [path]
+    _resolve_includes(root, path.parent, included)
+    return root, included[1:]
+
+
 def _parse(path: Path, text: str, *roots: str) -> ET.Element:
+    if "<!DOCTYPE" in text:  # its entities can grow without end, and MuJoCo reads them in its own way
+        raise GaitoptError(f"{path}: found a <!DOCTYPE>; allowed: elements and comments")
     try:
         root = ET.fromstring(text)
     except ET.ParseError as error:
         raise GaitoptError(f"{path}: broken XML: {error}") from None
     if root.tag not in roots:
         raise bad_value(path, "root element", root.tag, " or ".join(roots))
+    level, depth = list(root), 0
+    while level:
+        level, depth = [child for element in level for child in element], depth + 1
+        if depth > _MAX_DEPTH:
+            raise GaitoptError(f"{path}: elements nested more than {_MAX_DEPTH} deep")
     return root
 
 
-def _resolve_includes(element: ET.Element, folder: Path, depth: int) -> None:
+def _resolve_includes(element: ET.Element, folder: Path, included: list[Path]) -> None:
     """Put the children of each included file where its include stands; only the problem's own folder."""
-    if depth > 20:
-        raise GaitoptError(f"{folder}: include: nested more than 20 deep")
     for index, child in reversed(list(enumerate(element))):
         if child.tag == "include":
             name = child.get("file", "")
-            path = folder / name
-            if not name or not path.resolve().is_relative_to(folder.resolve()):
+            path = inside(folder, name)
+            if not name or path is None:
                 raise bad_value(folder, "include file", name, "a file inside the problem's folder")
-            included = _parse(path, read_text(path), "mujocoinclude", "mujoco")
-            _resolve_includes(included, folder, depth + 1)
+            if path.resolve() in [known.resolve() for known in included]:  # as MuJoCo has it
+                raise GaitoptError(f"{folder}: include file: {name} is included twice")
+            included.append(path)
+            content = _parse(path, read_text(path), "mujocoinclude", "mujoco")
+            _resolve_includes(content, folder, included)
             element.remove(child)
-            for offset, grandchild in enumerate(included):
+            for offset, grandchild in enumerate(content):
                 element.insert(index + offset, grandchild)
         else:
-            _resolve_includes(child, folder, depth)
+            _resolve_includes(child, folder, included)
 
 
 def _set_attribute(root: ET.Element, path: str, template: str, parameter: Parameter, source: str) -> None:
@@ -325,43 +350,88 @@ def _set_fidelity(root: ET.Element, fidelity: Fidelity) -> None:
 
 
 def _compile(root: ET.Element, problem: Problem) -> mujoco.MjModel:
-    text = ET.tostring(root, encoding="unicode")
+    return compile_mjcf(root, problem.model_path, _assets(root, problem))
+
+
+def compile_mjcf(root: ET.Element, path: Path, assets: Mapping[str, bytes]) -> mujoco.MjModel:
+    """Return the model of an MJCF, given every file that it names.
+
+    Raises:
+        GaitoptError: MuJoCo refuses it.
+    """
     try:
-        return mujoco.MjModel.from_xml_string(text, _assets(root, problem))
+        return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"), dict(assets))
     except ValueError as error:
-        raise GaitoptError(f"{problem.model_path}: {error}") from None
+        raise GaitoptError(f"{path}: {error}") from None
 
 
 def _assets(root: ET.Element, problem: Problem) -> dict[str, bytes]:
     """Return the content of the files that the MJCF names, by the name that MuJoCo asks for."""
-    return {name: data for name, (_, data) in _asset_files(root, problem).items()}
+    return {name: data for name, (_, data) in named_files(root, problem.model_path, problem.carried).items()}
 
 
-def _asset_files(root: ET.Element, problem: Problem) -> dict[str, tuple[Path, bytes]]:
-    """Return path and content of the files that the MJCF names, from the problem's own folder alone."""
-    folder = problem.model_path.parent
-    compiler = root.find("compiler")
-    places = {} if compiler is None else compiler.attrib
+def named_files(
+    root: ET.Element, mjcf: Path, carried: Mapping[str, bytes] | None = None
+) -> dict[str, tuple[Path, bytes]]:
+    """Return path and content of the files that an MJCF names, by the name that MuJoCo asks for.
+
+    They come from its own folder alone; MuJoCo itself would read any file that it is not given here.
+
+    Args:
+        root: the MJCF, its includes resolved.
+        mjcf: where it lies.
+        carried: the files by path from its folder, where they are not read from the disk.
+
+    Raises:
+        GaitoptError: a file is missing, or lies outside the folder.
+    """
+    folder, places = mjcf.parent, _asset_folders(root, mjcf)
     assets = {}
-    for element in root.iter():
-        name = element.get("file")
-        if name is None:
-            continue
-        place = places.get(f"{element.tag}dir", places.get("assetdir", ""))
-        path = folder / place / name
-        data = _asset(path, problem)
-        if data is None:
-            raise bad_value(problem.model_path, f"{element.tag} file", name, "a file in the problem's folder")
-        assets[f"{place.rstrip('/')}/{name}" if place else name] = path, data
+    for element, key, name in _names_of_files(root):
+        place = places.get(element.tag, places["mesh"])
+        path = inside(folder, f"{place}{name}")
+        if path is None or Path(name).is_absolute():
+            data = None
+        elif carried is not None:
+            data = carried.get(_from(folder, path))
+        else:
+            data = read_bytes(path) if path.is_file() else None
+        if path is None or data is None:
+            raise bad_value(mjcf, f"{element.tag} {key}", name, "a file in the problem's folder")
+        assets[f"{place}{name}"] = path, _alone(path, data) if element.tag == "model" else data
     return assets
 
 
-def _asset(path: Path, problem: Problem) -> bytes | None:
-    folder = problem.model_path.parent
-    if problem.carried is not None:
-        return problem.carried.get(_from(folder, path))
-    inside = path.resolve().is_relative_to(folder.resolve()) and path.is_file()
-    return read_bytes(path) if inside else None
+def _names_of_files(root: ET.Element) -> Iterator[tuple[ET.Element, str, str]]:
+    """Yield each attribute that names a file: its element, its key and the name."""
+    for element in root.iter():
+        for key, name in element.attrib.items():
+            if key in _FILE_KEYS:
+                yield element, key, name
+
+
+def _asset_folders(root: ET.Element, mjcf: Path) -> dict[str, str]:
+    """Return what MuJoCo puts before the names of files, by the element that names one."""
+    folders = {"meshdir": "", "texturedir": ""}
+    for compiler in root.findall("compiler"):
+        if compiler.get("strippath", "false") != "false":
+            raise bad_value(mjcf, "compiler strippath", "true", "false: files go by their whole path")
+        for key in folders:
+            folders[key] = compiler.get(key, compiler.get("assetdir", folders[key]))
+    mesh, texture = (f"{name.rstrip('/')}/" if name else "" for name in folders.values())
+    return {"mesh": mesh, "texture": texture, "model": ""}
+
+
+def _alone(path: Path, data: bytes) -> bytes:
+    """Return a model that an MJCF attaches, which may name no files: MuJoCo reads those by itself."""
+    try:
+        root = _parse(path, data.decode("utf-8-sig"), "mujoco")
+    except UnicodeDecodeError:
+        raise GaitoptError(f"{path}: not UTF-8 text") from None
+    named = [name for _, _, name in _names_of_files(root)]
+    if named:
+        raise bad_value(path, "file", named[0], "a model to attach that names no files")
+    return ET.tostring(root)
 
 
 def _from(folder: Path, path: Path) -> str:
@@ -400,7 +470,8 @@ def settled(
         mujoco.mj_resetDataKeyframe(model, data, 0)
     data.ctrl[:] = held
     steps = max(1, round(_SETTLE_CHUNK_S / model.opt.timestep))
-    for _ in range(round(limit_s / _SETTLE_CHUNK_S)):
+    limit_s = min(limit_s, _SETTLE_LIMIT_STEPS * model.opt.timestep)
+    for _ in range(max(1, round(limit_s / _SETTLE_CHUNK_S))):
         mujoco.mj_step(model, data, steps)
         if np.abs(data.qvel).max(initial=0.0) < _REST_SPEED:
             break

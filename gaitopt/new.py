@@ -16,8 +16,8 @@ import mujoco
 import numpy as np
 
 from gaitopt.errors import GaitoptError, bad_value
-from gaitopt.files import read_text, write_text
-from gaitopt.model import nominal_mjcf
+from gaitopt.files import filling, write_text
+from gaitopt.model import compile_mjcf, named_files, nominal_mjcf, read_mjcf
 from gaitopt.problem import PROBLEM_FILE, load_problem
 
 _NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
@@ -53,31 +53,23 @@ def make_problem(name: str, mjcf: Path, folder: Path) -> Draft:
         raise bad_value("gaitopt new", "NAME", name, "letters, digits, '_', '-' and '.'")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise GaitoptError(f"{folder} is not empty; allowed: a new or an empty folder")
-    files = _files_of(mjcf)
-    draft = draft_of(mjcf)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    root, included = read_mjcf(mjcf)
+    assets = named_files(root, mjcf)
+    files = [mjcf, *included, *(path for path, _ in assets.values())]
+    draft = _draft(root, mjcf, {name: data for name, (_, data) in assets.items()})
+    with filling(folder):
         for file in files:
             target = folder / file.relative_to(mjcf.parent)
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file, target)
-    except OSError as error:
-        raise GaitoptError(f"{folder}: cannot be written: {error.strerror}") from None
-    write_text(folder / PROBLEM_FILE, _text(name, mjcf.name, draft))
-    nominal_mjcf(load_problem(folder))  # what was written must be a problem
+        write_text(folder / PROBLEM_FILE, _text(name, mjcf.name, draft))
+        nominal_mjcf(load_problem(folder))  # what was written must be a problem
     return draft
 
 
-def draft_of(mjcf: Path) -> Draft:
-    """Return what can be read or guessed from a robot's MJCF.
-
-    Raises:
-        GaitoptError: it does not compile, or lacks what no guess can make up for.
-    """
-    try:
-        model = mujoco.MjModel.from_xml_path(str(mjcf))
-    except ValueError as error:
-        raise GaitoptError(f"{mjcf}: {error}") from None
+def _draft(root: ET.Element, mjcf: Path, assets: Mapping[str, bytes]) -> Draft:
+    """Return what can be read or guessed from a robot's MJCF."""
+    model = compile_mjcf(root, mjcf, assets)
     _check_usable(mjcf, model)
     data = mujoco.MjData(model)
     if model.nkey:
@@ -94,7 +86,7 @@ def draft_of(mjcf: Path) -> Draft:
         "up": [round(float(g), 6) + 0.0 for g in -model.opt.gravity / np.linalg.norm(model.opt.gravity)],
     }
     channels = {model.actuator(i).name: _channel(model, i) for i in range(model.nu)}
-    parameters = _parameters(model, mjcf, pads)
+    parameters = _parameters(model, root, pads)
     return Draft(roles, channels, parameters, [why, *remarks], float(model.opt.timestep))
 
 
@@ -117,33 +109,6 @@ def _check_usable(mjcf: Path, model: mujoco.MjModel) -> None:
         )
     if not np.linalg.norm(model.opt.gravity):
         raise GaitoptError(f"{mjcf}: no gravity; which way is up?")
-
-
-def _files_of(mjcf: Path) -> list[Path]:
-    """Return the MJCF and every file that it names, all in its own folder."""
-    found, waiting = [], [mjcf]
-    while waiting:
-        path = waiting.pop()
-        if path in found:
-            continue
-        if not path.is_file():
-            raise GaitoptError(f"{path}: no such file")
-        if not path.resolve().is_relative_to(mjcf.parent.resolve()):
-            raise bad_value(mjcf, "file", str(path), "a file in the MJCF's own folder")
-        found.append(path)
-        if path.suffix.lower() == ".xml":
-            waiting += [mjcf.parent / name for name in _names_in(path)]
-    return found
-
-
-def _names_in(path: Path) -> list[str]:
-    try:
-        root = ET.fromstring(read_text(path))
-    except ET.ParseError as error:
-        raise GaitoptError(f"{path}: broken XML: {error}") from None
-    if root.find("compiler[@meshdir]") is not None or root.find("compiler[@assetdir]") is not None:
-        raise bad_value(path, "compiler", "meshdir or assetdir", "files named from the MJCF's own folder")
-    return [name for element in root.iter() if (name := element.get("file")) is not None]
 
 
 # --- guesses ----------------------------------------------------------------------------------
@@ -250,10 +215,10 @@ def _channel(model: mujoco.MjModel, actuator: int) -> dict[str, Any]:
     }
 
 
-def _parameters(model: mujoco.MjModel, mjcf: Path, pads: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _parameters(model: mujoco.MjModel, root: ET.Element, pads: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return the named parameters that all servos, or all pads, share."""
     found: dict[str, dict[str, Any]] = {}
-    servos = _elements(mjcf, "actuator/position")
+    servos = len(root.findall("actuator/position"))
     gains = set(model.actuator_gainprm[:, 0].tolist())
     if servos == model.nu and len(gains) == 1:
         found["k_servo"] = _parameter(gains.pop(), "N m/rad", '["actuator/position/@kp"]')
@@ -272,10 +237,6 @@ def _parameters(model: mujoco.MjModel, mjcf: Path, pads: Sequence[str]) -> dict[
 
 def _parameter(value: float, unit: str, sets: str) -> dict[str, Any]:
     return {"value": float(value), "unit": unit, "sets": sets}
-
-
-def _elements(mjcf: Path, path: str) -> int:
-    return len(ET.fromstring(read_text(mjcf)).findall(path))
 
 
 def _text(name: str, model: str, draft: Draft) -> str:

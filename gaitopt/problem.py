@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 from gaitopt.calibration import Calibration
 from gaitopt.effects.active import Setting, Values, settings_of
 from gaitopt.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.files import read_toml, validated
+from gaitopt.files import inside, read_toml, validated
 from gaitopt.gait import Channel, Gait, read_gait
 from gaitopt.roles import Roles
 from gaitopt.space import ChannelSpace, GaitSpace
@@ -23,6 +23,7 @@ from gaitopt.table import is_table, read_table
 PROBLEM_FILE = "problem.toml"
 
 _Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
+_Period = Annotated[float, Field(strict=True, ge=1e-3, le=1e6, allow_inf_nan=False)]
 _NonNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
 _Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 _Number = Annotated[float, Field(strict=True)]
@@ -107,7 +108,7 @@ class ChannelBounds(_Record):
 class Baseline(_Record):
     """A hand-tuned gait: a whole gait, or another baseline's wave at another period."""
 
-    period_s: _Positive
+    period_s: _Period
     like: str | None = None
     channels: dict[str, Channel] | None = None
 
@@ -121,7 +122,7 @@ class Baseline(_Record):
 class Fidelity(_Record):
     """How finely a simulation is integrated."""
 
-    timestep_s: Annotated[float, Field(gt=0.0, le=0.1)]
+    timestep_s: Annotated[float, Field(ge=1e-6, le=0.1)]
     integrator: Integrator
 
 
@@ -264,7 +265,7 @@ class Planar(_Record):
 
 
 class _Gait(_Record):
-    period_s: tuple[_Positive, _Positive]
+    period_s: tuple[_Period, _Period]
 
 
 class ProblemFile(_Record):
@@ -500,8 +501,8 @@ def _problem_path(reference: str) -> Path:
 def _model_path(problem_path: Path, name: str | None) -> Path:
     folder = problem_path.parent
     if name is not None:
-        path = folder / name
-        if not path.resolve().is_relative_to(folder.resolve()):
+        path = inside(folder, name)
+        if path is None:
             raise bad_value(problem_path, "model", name, "a file inside the problem's folder")
         if not path.is_file():
             raise GaitoptError(f"{problem_path}: model: {path}: no such file")

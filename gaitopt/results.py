@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import IO, Any
 
 import tomli_w
+from pydantic import BaseModel
 
 from gaitopt.errors import GaitoptError, bad_value
-from gaitopt.files import read_text, read_toml, write_text, write_with
+from gaitopt.files import read_json, read_toml, validated, write_text, write_with
 from gaitopt.gait import write_gait
 from gaitopt.model import model_assets, nominal_mjcf
 from gaitopt.optimise.journal import gait_columns
@@ -37,6 +38,26 @@ _FIRST_FILES = (PROBLEM_FILE, _MODEL_FILE)
 
 _HALF_WRITTEN = re.compile(r"\..+\.[a-z0-9_]{8}\.\w+")
 """Names of the temporary files that `files.write_with` renames into place; a killed run may leave one."""
+
+
+class _Row(BaseModel):
+    """What is printed of one gait; a figure that is not finite stands as null."""
+
+    name: str
+    period_s: float
+    speed_m_s: float | None
+    speed_ci90_m_s: tuple[float | None, float | None]
+    constraints_met: bool
+    violations: dict[str, float | None]
+    status: str
+
+
+class _Summary(BaseModel):
+    """What is printed of a finished run."""
+
+    best: _Row
+    baselines: list[_Row]
+    ratio_to_best_baseline: float | None
 
 
 class RunFolder:
@@ -140,9 +161,17 @@ class RunFolder:
 
     @property
     def summary(self) -> dict[str, Any] | None:
-        """The summary of a finished run, or None."""
+        """The summary of a finished run, or None.
+
+        Raises:
+            GaitoptError: it was changed since, and what is printed of it is no longer there.
+        """
         path = self.path / "summary.json"
-        return json.loads(read_text(path)) if path.exists() else None
+        if not path.exists():
+            return None
+        summary: dict[str, Any] = read_json(path)
+        validated(_Summary, summary, path)
+        return summary
 
     def file(self, name: str, write: Callable[[Path], object]) -> Path:
         """Write one file of the run whole or not at all, and return its path."""

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-_Finite = Annotated[float, Field(allow_inf_nan=False)]
-_Vector = tuple[_Finite, _Finite, _Finite]
+_Component = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
+_Vector = tuple[_Component, _Component, _Component]
 
 
 class Roles(BaseModel):
@@ -38,7 +38,7 @@ class Roles(BaseModel):
     def _span_a_plane(self) -> Roles:
         (a, b, c), (u, v, w) = self.forward, self.up
         across = math.hypot(b * w - c * v, c * u - a * w, a * v - b * u)
-        if not across > 1e-6 * math.hypot(a, b, c) * math.hypot(u, v, w):
+        if not across > max(1e-12, 1e-6 * math.hypot(a, b, c) * math.hypot(u, v, w)):
             raise ValueError(f"forward: found {[a, b, c]}; allowed: a direction across up {[u, v, w]}")
         return self
 

@@ -518,7 +518,7 @@ def gait_file(strider: Problem, old: str, new: str) -> Path:
     [
         ("channels.rear", "channels.raer", "gait.toml: unknown channel 'raer'; known: rear, front (nearest: 'rear')"),  # noqa: E501
         ("duty = 0.4", "duty = 1.4", "gait.toml: channels.rear.duty: found 1.4; allowed: less than or equal to 1"),  # noqa: E501
-        ("period_s = 0.4", "period_s = -0.4", "gait.toml: period_s: found -0.4; allowed: greater than 0"),
+        ("period_s = 0.4", "period_s = -0.4", "gait.toml: period_s: found -0.4; allowed: greater than or equal to 0.001"),  # noqa: E501
         ("duty = 0.4", "duty = nan", "gait.toml: channels.rear.duty: found nan; allowed: "),
         (
             "amplitude_deg = 30.0",
@@ -597,7 +597,7 @@ BAD_OPTIONS = {
     "sweep over an unknown": (("sweep", "--over", "period=1"), "--over: unknown parameter 'period'; known: period_s,"),  # noqa: E501
     "sweep to a negative period": (
         ("sweep", "--over", "period_s=1,-1"),
-        "--over period_s=-1: period_s: found -1.0; allowed: greater than 0",
+        "--over period_s=-1: period_s: found -1.0; allowed: greater than or equal to 0.001",
     ),
     "sweep out of the travel": (
         ("sweep", "--over", "rear.offset_deg=80"),

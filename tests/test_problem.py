@@ -83,7 +83,7 @@ BAD_FILES = {
     "negative period": (
         "period_s = 0.4",
         "period_s = -0.4",
-        "baselines.square.period_s: found -0.4; allowed: greater than 0",
+        "baselines.square.period_s: found -0.4; allowed: greater than or equal to 0.001",
     ),
     "NaN": ("value = 0.5", "value = nan", "parameters.k_servo.value: found nan; allowed: a finite number"),
     "bounds the wrong way round": (

@@ -17,7 +17,7 @@ from gaitopt.diagnose.dataset import DATASET_FILE, Trial
 from gaitopt.diagnose.defects import Defect, counted, spans_of
 from gaitopt.diagnose.tables import read_rows, table
 from gaitopt.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.files import csv_text, write_text
+from gaitopt.files import csv_text, filling, write_text
 from gaitopt.gait import Channel, Gait
 from gaitopt.units import ANGLE, LENGTH, TIME, suffix_scale
 
@@ -298,14 +298,11 @@ def import_files(
         raise GaitoptError(f"two files have the same name: {', '.join(sorted(names))}")
     imported = [import_file(path, options) for path in files]
     each = list(gaits) * len(files) if len(gaits) == 1 else gaits
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise GaitoptError(f"--out: {folder}: cannot be made: {error.strerror}") from None
     entries = []
-    for name, gait, motion in zip(names, each, imported, strict=True):
-        entries.append(_write_trial(folder, name, _gait_beside(folder, gait), motion, options))
-    write_text(folder / DATASET_FILE, tomli_w.dumps({"trial": entries}))
+    with filling(folder):
+        for name, gait, motion in zip(names, each, imported, strict=True):
+            entries.append(_write_trial(folder, name, _gait_beside(folder, gait), motion, options))
+        write_text(folder / DATASET_FILE, tomli_w.dumps({"trial": entries}))
     return imported
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.errors import GaitoptError, bad_value, unknown_name
+from gaitopt.errors import GaitoptError, found, unknown_name
 from gaitopt.files import read_text
 
 _LARGEST = 1e15
@@ -61,9 +61,8 @@ class Table:
         except ValueError:
             number = math.inf
         if not abs(number) <= _LARGEST:
-            raise bad_value(
-                f"{self.source}: line {self.first_line + row}", f"column {name}", cell, "a number or nothing"
-            )
+            where = f"{self.source}: line {self.first_line + row}, column {name}"
+            raise GaitoptError(f"{where}: found {found(cell)}; allowed: a number or nothing")
         return number
 
 

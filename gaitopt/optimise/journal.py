@@ -125,6 +125,8 @@ class Journal:
         violations = {name: float(row[f"violation.{name}"]) for name in self._constraints}
         evaluation = Evaluation(float(row["cost"]), metrics, violations, row["status"])
         point = np.array([float(row[f"x.{name}"]) for name in self._variables])
+        if not np.isfinite(point).all():
+            raise ValueError("a coordinate that is no number")
         index = int(row["evaluation"])
         return Entry(
             index, row["method"], point, self._space.decode(point), evaluation, float(row["simulated_s"])
