@@ -238,7 +238,9 @@ def conclude(
         verdict, causes, rest = "no_gap" if quiet else "unexplained", [], []
     elif remains > LEFT:
         explained = 1.0 - float(np.sqrt(first.held_out.sum() / none.held_out.sum()))
-        verdict = "unexplained" if explained < _LITTLE else "partly_explained"
+        verdict = "partly_explained"
+        if explained < _LITTLE:
+            verdict, causes, rest = "unexplained", [], []
     else:
         verdict = "ambiguous" if rest else "explained"
     robots = sum(len(r.fits[0].points) for r in singles)

@@ -161,7 +161,7 @@ def write_record(out: Path, plan: str, cases: list[Case], record: dict[str, Any]
     """Write the record, each case's row, the confusion matrix and the calibration plot."""
     out.mkdir(parents=True, exist_ok=True)
     versions = sorted({str(c.diagnosis.get("version")) for c in cases})
-    cost = [float(c.diagnosis["cpu_s"]) for c in cases if c.diagnosis["effects"]]
+    cost = [c.diagnosis["cpu_s"] for c in cases if c.diagnosis["effects"] and c.diagnosis["cpu_s"]]
     more = {"versions": versions, "median_cpu_s": float(np.median(cost)) if cost else None}
     write_text(out / f"{plan}.json", to_json(record | more))
     lines = [
