@@ -1,0 +1,190 @@
+"""The long fuzz: thousands of broken and hostile inputs, each of which must end in success or one clear line.
+
+The cases are those of ``tests/fuzzing.py``. They run in a process of their own under a limit on memory and
+one on the time of each case, so that a crash of the interpreter or a hang inside a library is a figure in
+the table and not the end of the study.
+
+    python tests/benchmarks/fuzz.py --cases 12000 --seed 1 --out results/fuzz
+    python tests/benchmarks/fuzz.py --seed 1 --only "MJCF, text:373"
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import resource
+import shutil
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import fuzzing
+
+MEMORY = 6 << 30
+"""Address space of the process that runs the cases, bytes."""
+
+GRACE_S = 10.0
+"""How much longer than its limit a case may take before its process is killed."""
+
+ENDS = ("done", "stated", "usage")
+
+
+def main() -> None:
+    """Run the cases and write ``fuzz.json`` and ``README.md``."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--cases", type=int, default=12000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", metavar="KIND:NUMBER", help="run one case and show how it ends")
+    parser.add_argument("--out", type=Path)
+    options = parser.parse_args()
+    if options.only:
+        kind, _, number = options.only.rpartition(":")
+        show(options.seed, kind, int(number))
+        return
+    began = time.monotonic()
+    rows = list(run(options.seed, list(cases(options.cases))))
+    report = tabulated(rows) | {
+        "cases": len(rows),
+        "seed": options.seed,
+        "limit_s": fuzzing.LIMIT_S,
+        "wall_s": time.monotonic() - began,
+    }
+    text = page(report, options)
+    if options.out:
+        options.out.mkdir(parents=True, exist_ok=True)
+        (options.out / "fuzz.json").write_text(json.dumps(report, indent=1) + "\n")
+        (options.out / "README.md").write_text(text)
+    print(text)
+    sys.exit(1 if report["wrong"] else 0)
+
+
+def cases(count: int) -> Iterator[tuple[str, int]]:
+    """Yield kind and number of each case, the kinds in proportion to their share."""
+    whole = sum(share for share, _ in fuzzing.KINDS.values())
+    for kind, (share, _) in fuzzing.KINDS.items():
+        for number in range(-(-count * share // whole)):
+            yield kind, number
+
+
+def show(seed: int, kind: str, number: int) -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        os.chdir(folder)
+        case = fuzzing.make(seed, kind, number, folder)
+        print(case.arguments, fuzzing.attempt(case, folder))
+
+
+def run(seed: int, waiting: list[tuple[str, int]]) -> Iterator[dict]:
+    """Yield how each case ended; a process that died or hung is replaced by another."""
+    context = multiprocessing.get_context("spawn")
+    while waiting:
+        mine, theirs = context.Pipe()
+        process = context.Process(target=work, args=(theirs, seed, waiting), daemon=True)
+        process.start()
+        theirs.close()
+        for row in answers(mine, process):
+            yield row | dict(zip(("kind", "number"), waiting.pop(0), strict=True))
+            if len(waiting) % 500 == 0:
+                print(f"{len(waiting)} to go", file=sys.stderr, flush=True)
+        process.kill()
+        process.join()
+
+
+def answers(pipe: Connection, process: multiprocessing.process.BaseProcess) -> Iterator[dict]:
+    """Yield the answers of a process until it has ended, and what ended it if it was not its work."""
+    patience = 120.0  # imports, and the run that later cases break
+    while True:
+        if not pipe.poll(patience):
+            yield {"ended": "hang", "words": "killed", "seconds": patience}
+            return
+        try:
+            row = pipe.recv()
+        except EOFError:
+            process.join(GRACE_S)
+            yield {"ended": "crash", "words": f"exit {process.exitcode}", "seconds": 0.0}
+            return
+        if row is None:
+            return
+        yield row
+        patience = fuzzing.LIMIT_S + GRACE_S
+
+
+def work(pipe: Connection, seed: int, waiting: list[tuple[str, int]]) -> None:
+    """Run cases one after another, each in an empty folder."""
+    fuzzing.finished_run()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    root = Path(tempfile.mkdtemp())
+    try:
+        for kind, number in waiting:
+            folder = root / "case"
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir()
+            os.chdir(folder)
+            case = fuzzing.make(seed, kind, number, folder)
+            began = time.monotonic()
+            outcome = fuzzing.attempt(case, folder)
+            seconds = time.monotonic() - began
+            pipe.send({"ended": outcome.ended, "words": outcome.words[-600:], "seconds": seconds})
+        pipe.send(None)
+    finally:
+        shutil.rmtree(root, ignore_errors=True)
+
+
+def tabulated(rows: list[dict]) -> dict:
+    """Return the table by kind, and every case that ended as none may."""
+    kinds = {}
+    for kind in fuzzing.KINDS:
+        mine = [row for row in rows if row["kind"] == kind]
+        ended = Counter(row["ended"] if row["ended"] in ENDS else "wrong" for row in mine)
+        seconds = [row["seconds"] for row in mine]
+        kinds[kind] = {
+            "cases": len(mine),
+            **{end: ended[end] for end in (*ENDS, "wrong")},
+            "messages": len(
+                {row["words"].partition(": found")[0] for row in mine if row["ended"] == "stated"}
+            ),
+            "total_s": sum(seconds),
+            "longest_s": max(seconds, default=0.0),
+        }
+    return {"kinds": kinds, "wrong": [row for row in rows if row["ended"] not in ENDS]}
+
+
+def page(report: dict, options: argparse.Namespace) -> str:
+    """Return the README of the results folder."""
+    wrong = len(report["wrong"])
+    verdict = "none ended otherwise" if not wrong else f"{wrong} ended otherwise"
+    lines = [
+        "# Fuzzing",
+        "",
+        f"{report['cases']} broken or hostile inputs, generated: whole files of every kind that gaitopt "
+        "reads, one to four things wrong with most of them, and command lines. Each must end in success, or "
+        "in exactly one line on standard error and exit 1 or 2, within "
+        f"{report['limit_s']:g} s; must leave no half-written file; must change no input, and no file of the "
+        f"user's unless it succeeds. **{verdict.capitalize()}.**",
+        "",
+        f"Made by `python tests/benchmarks/fuzz.py --cases {options.cases} --seed {options.seed} "
+        f"--out results/fuzz` in {report['wall_s'] / 60.0:.1f} minutes on a busy core. What earlier runs "
+        "found is in the changelog; each of it has a test in `tests/test_hostile.py`.",
+        "",
+        "| input | cases | success | one line, exit 1 | one line, exit 2 | otherwise | total [s] "
+        "| longest [s] |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for kind, row in report["kinds"].items():
+        counts = " | ".join(str(row[key]) for key in ("cases", *ENDS, "wrong"))
+        lines.append(f"| {kind} | {counts} | {row['total_s']:.0f} | {row['longest_s']:.1f} |")
+    for row in report["wrong"]:
+        lines += ["", f"- `{row['kind']}:{row['number']}`: {row['ended']}: `{row['words'].strip()[-200:]!r}`"]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    main()

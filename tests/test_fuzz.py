@@ -1,0 +1,32 @@
+"""A small, seeded sample of the long fuzz: no input breaks a command, each ends in success or in one line."""
+
+from pathlib import Path
+
+import pytest
+from fuzzing import KINDS, attempt, make
+
+CASES = 12
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_broken_input_ends_in_success_or_one_line(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ends = set()
+    for number in range(CASES):
+        folder = tmp_path / f"{number}"
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        outcome = attempt(make(2026, kind, number, folder), folder)
+        assert not outcome.wrong, f"{kind}:{number} ended in {outcome.ended}: {outcome.words}"
+        ends.add(outcome.ended)
+    assert kind == "gait through a table and back" or "stated" in ends, "nothing was broken"
+
+
+def test_the_same_seed_makes_the_same_case(tmp_path: Path) -> None:
+    texts = []
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        make(1, "gait file", 3, tmp_path / name)
+        texts.append((tmp_path / name / "gait.toml").read_bytes())
+    assert texts[0] == texts[1]
