@@ -37,6 +37,9 @@ _FRONT_SPREAD = 0.1
 _PARETO_STREAM = 16
 """Streams of randomness from here on belong to the front."""
 
+_RACES = ("cma-es",)
+"""Methods that rank a population, so that clear losers can be dropped early (see `Evaluator.race`)."""
+
 _POLISH_EDGE = 0.05
 """Edge of Nelder–Mead's first simplex as a polish."""
 
@@ -185,8 +188,9 @@ class Study:
                     "and method propose; the run was made by other ones or by another version"
                 )
             replayed.append(entry)
-        fresh = self._assess(method, points[len(replayed) :], len(self.entries) + len(replayed))
-        if fresh:
+        fresh: list[Entry] = []
+        if len(replayed) < len(points):  # whole: a population that races is judged together
+            fresh = self._assess(method, points, len(self.entries))[len(replayed) :]
             self.journal.append(fresh)
         self.entries += replayed + fresh
         self._on_progress(
@@ -198,8 +202,9 @@ class Study:
 
     def _assess(self, method: str, points: NDArray[np.float64], first: int) -> list[Entry]:
         gaits = [self._space.decode(point, f"candidate-{first + i}") for i, point in enumerate(points)]
+        judged = self.evaluator.race(gaits) if method in _RACES else self.evaluator(gaits)
         entries = []
-        for i, (evaluation, outcomes) in enumerate(self.evaluator(gaits)):
+        for i, (evaluation, outcomes) in enumerate(judged):
             simulated = sum(outcome.simulated_s for outcome in outcomes)
             entries.append(Entry(first + i, method, points[i], gaits[i], evaluation, simulated))
         return entries
