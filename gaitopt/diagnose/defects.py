@@ -225,7 +225,8 @@ def cycle_range(trial: Trial, name: str) -> float:
     keep = trial.used[name]
     time, series = trial.time[keep], trial.signals[name][keep]
     number = ((time - time[0]) / trial.period).astype(int)
-    return float(np.median([np.ptp(series[number == i]) for i in np.unique(number)]))
+    cycles = np.split(series, np.flatnonzero(np.diff(number)) + 1)
+    return float(np.median([np.ptp(cycle) for cycle in cycles]))
 
 
 def runs(flags: Flags) -> list[tuple[int, int]]:

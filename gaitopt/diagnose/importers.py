@@ -29,6 +29,9 @@ VIEWS = {"side": ("marker.x", "marker.z"), "top": ("marker.x", "marker.y")}
 LIKELY = 0.6
 """Points less likely than this are blanked: DeepLabCut gives coordinates even where it sees nothing."""
 
+_HEAD_LINES = 500
+"""Lines that tell how a file's cells are parted."""
+
 _UNKNOWN_GAIT = Gait(1.0, {"": Channel(duty=0.5, phase=0.0, amplitude_deg=0.0)})
 
 
@@ -103,20 +106,23 @@ def import_file(path: Path, options: Options) -> Imported:
 
 
 def _cells(path: Path) -> list[list[str]]:
-    """Return a file's cells, cut at the delimiter that gives most of its rows the same width."""
-    best: list[list[str]] = []
-    for delimiter in ("\t", ";", ",", " "):
-        rows = [row for row in read_rows(path, delimiter) if any(row)]
-        if not best or _agreement(rows) > _agreement(best):
-            best = rows
-    if not best:
+    """Return a file's cells, cut at the delimiter that gives most of its first rows the same width."""
+    heads = {mark: _filled(read_rows(path, mark, _HEAD_LINES)) for mark in ("\t", ";", ",", " ")}
+    rows = _filled(read_rows(path, max(heads, key=lambda mark: _agreement(heads[mark]))))
+    if not rows:
         raise GaitoptError(f"{path}: empty")
-    return best
+    return rows
+
+
+def _filled(rows: Sequence[list[str]]) -> list[list[str]]:
+    return [row for row in rows if any(row)]
 
 
 def _agreement(rows: Sequence[Sequence[str]]) -> tuple[bool, float]:
     """Return whether rows have several cells, and how many of them are as wide as the most usual."""
     widths = [len(row) for row in rows]
+    if not widths:
+        return False, 0.0
     usual = max(set(widths), key=widths.count)
     return usual > 1, widths.count(usual) / len(widths)
 

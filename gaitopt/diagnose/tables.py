@@ -66,15 +66,20 @@ class Table:
         return number
 
 
-def read_rows(path: Path, delimiter: str = ",") -> list[list[str]]:
+def read_rows(path: Path, delimiter: str = ",", lines: int | None = None) -> list[list[str]]:
     """Return the cells of a delimited text file, stripped; empty lines stay, as empty rows.
+
+    Args:
+        path: the file.
+        delimiter: what parts its cells.
+        lines: how many lines to look at; all by default.
 
     Raises:
         GaitoptError: the file cannot be read, or is broken.
     """
-    lines = read_text(path).splitlines()
+    text = read_text(path).splitlines()[:lines]
     try:
-        rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=delimiter != "\t", strict=False))
+        rows = list(csv.reader(text, delimiter=delimiter, skipinitialspace=delimiter != "\t", strict=False))
     except csv.Error as error:
         raise GaitoptError(f"{path}: not a table: {error}") from None
     return [[cell.strip() for cell in row] for row in rows]
