@@ -35,6 +35,10 @@ _OTHER_HALF, _OTHER_SLOPE = 3.0, 3.0
 """Something else is as likely as not where the best rival leaves so much; and how fast that changes."""
 
 SIGNIFICANCE = 0.05
+
+_ABOVE_NONE = 3.0
+"""An effect belongs to the answer beside the first if it is so many times as probable as none."""
+
 _PAIR_ERRORS = 1.0
 """Standard errors by which two effects must foretell more than one."""
 
@@ -222,10 +226,11 @@ def conclude(
     both = min(doubles, key=lambda rival: rival.evidence, default=None)
     two = both is not None and _needed(ready, best, both)
     rivals = list(doubles) if two else list(singles)
-    weights = evidence.scores(ready, rivals)
+    weights, nothing = evidence.scores(ready, rivals), evidence.scores(ready, [*rivals, none])[-1]
     order = np.argsort(-weights, kind="stable")
     rivals = [rivals[i] for i in order]
     chances = evidence.probabilities(weights[order])
+    idle = _ABOVE_NONE * float(chances[0] * np.exp(nothing - weights.max()))
     first = rivals[0]
     chance_alone = evidence.p_value(ready, nominal, singles, none.evidence - first.evidence, seed)
     gap = evidence.gap_of(ready, nominal, first, floor_m, seed)
@@ -233,7 +238,7 @@ def conclude(
     other = 1.0 / (1.0 + (_OTHER_HALF / max(remains, 1e-9)) ** _OTHER_SLOPE)
     improves = chance_alone <= SIGNIFICANCE and first.held_out.sum() < _IMPROVED * none.held_out.sum()
     quiet = evidence.left(ready, none) <= FAINT_GAP
-    causes, rest = _named(rivals, chances, two)
+    causes, rest = _named(rivals, chances, two, idle)
     if not improves:
         verdict, causes, rest = "no_gap" if quiet else "unexplained", [], []
     elif remains > LEFT:
@@ -263,11 +268,14 @@ def _needed(ready: Bench, one: Rival, both: Rival) -> bool:
     return less and evidence.better_by(ready, both, one) > _PAIR_ERRORS
 
 
-def _named(rivals: Sequence[Rival], chances: NDArray[np.float64], two: bool) -> tuple[list[str], list[str]]:
-    """Return the effects blamed, and those that cannot be told from them."""
+def _named(
+    rivals: Sequence[Rival], chances: NDArray[np.float64], two: bool, idle: float
+) -> tuple[list[str], list[str]]:
+    """Return the effects blamed, and those that cannot be told from them; none less probable than `idle`."""
     if not two:
-        names = evidence.answer_set(evidence.by_effect(rivals, chances))
-        return names[:1], names[1:]
+        totals = evidence.by_effect(rivals, chances)
+        names = evidence.answer_set(totals)
+        return names[:1], [name for name in names[1:] if totals[name] >= idle]
     first = rivals[0].names
     kept = dict.fromkeys(first, 0.0)
     for rival, chance in zip(rivals, chances.tolist(), strict=True):

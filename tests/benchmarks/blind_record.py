@@ -218,7 +218,7 @@ def _calibration(path: Path, record: dict[str, Any]) -> None:
     axes.set_ylabel("how often it was right")
     axes.set_xlim(0.0, 1.05)
     axes.set_ylim(0.0, 1.05)
-    axes.legend(loc="upper left", frameon=False)
+    axes.legend(loc="lower right", frameon=False)
     figure.savefig(path, dpi=150)
     plt.close(figure)
 
