@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from rivals import CASES, METHODS
 
 from gaitopt.errors import GaitoptError
@@ -125,6 +126,9 @@ def draw(runs: dict[str, dict[str, list[Run]]], best: dict[str, float], path: Pa
                     label=method,
                 )
             axes.set_xscale("log")
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+            axes.xaxis.set_minor_formatter(NullFormatter())
             axes.set_xlabel(label)
             axes.set_ylim(0.0, 1.0)
             axes.grid(color="0.88", linewidth=0.6)
