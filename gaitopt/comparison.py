@@ -44,7 +44,7 @@ def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Execut
                 "difference_ci90_m_s": [low, high],
                 "ratio": ratio,
                 "ratio_ci90": ratio_ci90,
-                "more_than_noise": not low <= 0.0 <= high,
+                "more_than_noise": low > 0.0 or high < 0.0,
                 "constraints_met": evaluation.constraints_met,
                 "violations": {n: v for n, v in evaluation.violations.items() if v > 0.0},
                 "status": evaluation.status,

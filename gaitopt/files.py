@@ -116,7 +116,7 @@ def write_text(path: Path, text: str) -> None:
     """
     try:
         data = text.encode()
-    except UnicodeEncodeError as error:
+    except UnicodeEncodeError:
         raise GaitoptError(f"{path}: cannot be written: a name in it is no Unicode text") from None
     write_with(path, lambda temporary: temporary.write_bytes(data))
 

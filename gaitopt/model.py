@@ -464,6 +464,9 @@ def settled(
 
     It falls from its keyframe 0 or its default pose. A robot that never rests is returned as it is
     after `limit_s`: `gaitopt check` says so.
+
+    Raises:
+        GaitoptError: MuJoCo gives up, for lack of the memory that the MJCF grants it.
     """
     data = mujoco.MjData(model)
     if model.nkey:
@@ -472,7 +475,10 @@ def settled(
     steps = max(1, round(_SETTLE_CHUNK_S / model.opt.timestep))
     limit_s = min(limit_s, _SETTLE_LIMIT_STEPS * model.opt.timestep)
     for _ in range(max(1, round(limit_s / _SETTLE_CHUNK_S))):
-        mujoco.mj_step(model, data, steps)
+        try:
+            mujoco.mj_step(model, data, steps)
+        except mujoco.FatalError as error:
+            raise GaitoptError(f"the robot cannot be brought to rest: {error}") from None
         if np.abs(data.qvel).max(initial=0.0) < _REST_SPEED:
             break
     return np.array(data.qpos)

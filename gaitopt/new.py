@@ -74,7 +74,10 @@ def _draft(root: ET.Element, mjcf: Path, assets: Mapping[str, bytes]) -> Draft:
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
-    mujoco.mj_forward(model, data)
+    try:
+        mujoco.mj_forward(model, data)
+    except mujoco.FatalError as error:
+        raise GaitoptError(f"{mjcf}: {error}") from None
     pads, body, remarks = _touching(model, data)
     forward, why = _forward(model, data)
     roles = {

@@ -125,7 +125,8 @@ class Simulator:
 
         Returns:
             The trajectory, sampled each millisecond from t = 0 to at least `duration`. A simulation
-            that diverges keeps its last good values and says so in `status`.
+            that diverges keeps its last good values, one that MuJoCo gives up has none (NaN); each says
+            so in `status`.
         """
         duration = self.duration(gait) if duration is None else duration
         if duration > _MAX_STEPS * self.fidelity.timestep_s:
@@ -189,7 +190,8 @@ class Simulator:
         try:
             recorded, qpos = self._rollout(batch, model, ctrl, poses)
         except SimulationError as error:
-            return Trajectory(time[:0], {}, f"failed: {error}")
+            nothing = np.full((len(time), len(self.signals)), np.nan)
+            return self._trajectory(time, commands, nothing, f"failed: {_reason(error)}", None)
         status = f"diverged: {_warnings(batch)}" if batch.warning[0, :, 1].any() else "ok"
         return self._trajectory(time, commands, recorded, status, qpos)
 
@@ -338,6 +340,11 @@ def _disturb(batch: Batch, scenario: Scenario, problem: Problem) -> None:
         mujoco.mju_axisAngle2Quat(turn, np.array(problem.roles.up), angle)
         mujoco.mju_mulQuat(turned, turn, qpos[3:7].copy())
         qpos[3:7] = turned
+
+
+def _reason(error: SimulationError) -> str:
+    """Return why MuJoCo gave up: the first line of its own words, which is the same for every gait."""
+    return str(error).rpartition("simulation 0: ")[2].partition("\n")[0]
 
 
 def _warnings(batch: Batch) -> str:

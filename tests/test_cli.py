@@ -319,7 +319,7 @@ def test_a_robot_that_always_fails_says_so(gaitopt: Run, tmp_path: Path) -> None
         "optimise", STRIDER, "--budget", 3, "--quiet", "--out", tmp_path / "run", *exploding
     )
     assert (code, out) == (1, "")
-    assert err == "gaitopt: every one of 3 gaits failed; the first: diverged: badqacc\n"
+    assert err == "gaitopt: every one of 3 gaits failed in simulation: diverged: badqacc (3)\n"
 
 
 @pytest.mark.parametrize(

@@ -297,7 +297,7 @@ def test_a_robot_that_always_fails_says_so(strider: Problem, tmp_path: Path) -> 
     path = tmp_path / "evaluations.csv"
     with pytest.raises(GaitoptError) as error:
         run(exploding, path, Request(seed=1, budget=5))
-    assert str(error.value) == "every one of 5 gaits failed; the first: diverged: badqacc"
+    assert str(error.value) == "every one of 5 gaits failed in simulation: diverged: badqacc (5)"
     assert len(Journal(path, exploding).entries) == 5
 
 

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.errors import GaitoptError
 from gaitopt.export.gait_player import DUTY_BITS, RAMP_US, WALKING, Player, duty
 from gaitopt.metrics import measure
 from gaitopt.model import Robot, start_targets
@@ -66,7 +67,7 @@ def replay(problem: Problem, table: Table, executor: Executor) -> Replay:
     """Return what is lost between the gait and the servos, in simulation over several start poses.
 
     Raises:
-        GaitoptError: the model does not compile or does not fit the problem.
+        GaitoptError: the model does not compile or does not fit the problem, or no simulation succeeds.
     """
     trial = _Trial.build(problem, table, executor)
     stages = command_stages(problem, table)
@@ -119,10 +120,16 @@ class _Trial:
         return _Trial(patient, table, Simulator.build(patient, starts), executor)
 
     def speeds(self, commands: Commands) -> NDArray[np.float64]:
-        """Return the speed from each start, m/s; 0 where the simulation fails."""
+        """Return the speed from each start, m/s; 0 where the simulation fails.
+
+        Raises:
+            GaitoptError: it fails from every start.
+        """
         time = self.simulator.clock(self.simulator.duration(self.table.gait))
         sent = commands(time)
-        runs = self.executor.map(lambda start: self.simulator.play(time, sent, start), range(_STARTS))
+        runs = list(self.executor.map(lambda start: self.simulator.play(time, sent, start), range(_STARTS)))
+        if all(run.status != "ok" for run in runs):
+            raise GaitoptError(f"{self.table.gait.name}: the simulation {runs[0].status}")
         robot = Robot.of(self.simulator.models[0])
         gait = self.table.gait
         speeds = np.array([measure(self.problem, gait, run, robot)["speed_m_s"] for run in runs])

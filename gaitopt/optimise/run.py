@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -110,6 +111,7 @@ def optimise(
     gaits = [winner, *baselines, *([planned.gait] if planned else [])]
     best, *others = verify(problem, gaits, request.seed, executor)
     notes += _drift_notes(plan, others[: len(baselines)]) if plan else ()
+    notes += _failure_notes(study.entries, [gait.name for gait in baselines], others)
     chosen = thinned(front_of(study.entries)) if request.pareto else []
     named = [Gait(e.gait.period_s, e.gait.channels, f"front-{i}") for i, e in enumerate(chosen, 1)]
     front = verified_front(chosen, verify(problem, named, request.seed, executor))
@@ -154,6 +156,20 @@ def _drift_notes(plan: Plan, baselines: Sequence[Verified]) -> tuple[str, ...]:
     )
 
 
+def _failure_notes(
+    entries: Sequence[Entry], baselines: Sequence[str], verified: Sequence[Verified]
+) -> tuple[str, ...]:
+    """Return how many gaits of the search failed in simulation and why, and which baselines did."""
+    reasons = Counter(e.evaluation.status for e in entries if e.evaluation.status != "ok")
+    said = ", ".join(f"{reason} ({count})" for reason, count in reasons.most_common())
+    searched = (f"{reasons.total()} of {len(entries)} gaits failed in simulation: {said}",) if said else ()
+    return searched + tuple(
+        f"{name} failed in simulation: {row.evaluation.status}"
+        for name, row in zip(baselines, verified, strict=False)
+        if row.evaluation.status != "ok"
+    )
+
+
 def _best_elite(entries: Sequence[Entry], elites: Sequence[Elite]) -> Elite | None:
     """Return the planned gait that was fastest in MuJoCo; the first entries are the plan's."""
     speeds = [e.evaluation.metrics["speed_m_s"] for e in entries[: len(elites)] if e.method == "plan"]
@@ -161,7 +177,7 @@ def _best_elite(entries: Sequence[Entry], elites: Sequence[Elite]) -> Elite | No
     return elites[ranked[0]] if ranked else None
 
 
-def _correlation(evaluator: Evaluator, planner: Planner, seed: int) -> tuple[float, float]:
+def _correlation(evaluator: Evaluator, planner: Planner, seed: int) -> tuple[float | None, float]:
     """Return how well planar and MuJoCo speeds rank alike over random gaits, and the seconds simulated."""
     setting = evaluator.setting
     nominal = Evaluator(Setting.of(setting.problem, (NOMINAL,), setting.fidelity), evaluator.executor)
@@ -173,7 +189,10 @@ def _correlation(evaluator: Evaluator, planner: Planner, seed: int) -> tuple[flo
         for gait, outcome in zip(gaits, outcomes, strict=True)
         if outcome.status == "ok"
     ]
-    return float(stats.spearmanr(*zip(*pairs, strict=True)).statistic), sum(o.simulated_s for o in outcomes)
+    simulated_s = sum(outcome.simulated_s for outcome in outcomes)
+    if len(pairs) < _SAMPLE // 2:  # too few gaits could be simulated to tell
+        return None, simulated_s
+    return float(stats.spearmanr(*zip(*pairs, strict=True)).statistic), simulated_s
 
 
 def _select(
@@ -198,9 +217,9 @@ def _finalists(entries: list[Entry], starts: Sequence[tuple[Gait, float]]) -> li
     ranked = sorted(entries, key=lambda entry: (entry.evaluation.cost, entry.index))
     leaders = [entry for entry in ranked if entry.evaluation.status == "ok"][:_FINALISTS]
     if not leaders:
-        raise GaitoptError(
-            f"every one of {len(entries)} gaits failed; the first: {entries[0].evaluation.status}"
-        )
+        reasons = Counter(entry.evaluation.status for entry in entries)
+        said = ", ".join(f"{reason} ({count})" for reason, count in reasons.most_common(5))
+        raise GaitoptError(f"every one of {len(entries)} gaits failed in simulation: {said}")
     best_baseline = [min(starts, key=lambda start: start[1])[0]] if starts else []
     named = [(entry.gait, entry.method) for entry in leaders]
     return named + [(gait, gait.name) for gait in best_baseline]

@@ -1,0 +1,136 @@
+"""Simulations that go wrong: a status with a reason, which is counted; the study goes on, or says why not."""
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import STRIDER, edited, problem_folder, same_bits
+
+from gaitopt import cli
+from gaitopt.errors import GaitoptError
+from gaitopt.model import build_model
+from gaitopt.optimise import evaluator
+from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.executors import SerialExecutor
+from gaitopt.optimise.journal import Journal
+from gaitopt.optimise.study import quasi_random
+from gaitopt.problem import Problem, load_problem
+from gaitopt.rollout import NOMINAL, Simulator
+
+OPTION = '<option cone="elliptic" impratio="10"/>'
+MEMORY = "mj_stackAlloc: out of memory, stack overflow at PrimalAllocate, line "
+
+
+def strider_with(folder: Path, old: str, new: str) -> Problem:
+    problem_folder(folder, STRIDER)
+    edited(folder / "strider.xml", old, new)
+    return load_problem(folder)
+
+
+def granted(folder: Path, memory: str) -> Problem:
+    """The strider with this much memory for contacts and solver."""
+    return strider_with(folder, OPTION, f'{OPTION}<size memory="{memory}"/>')
+
+
+def statuses(problem: Problem, count: int = 6) -> list[str]:
+    setting = Setting.of(problem, (NOMINAL,), problem.simulation.working)
+    gaits = [problem.space.decode(point) for point in quasi_random(problem.space, count, 1)]
+    return [evaluation.status for evaluation, _ in Evaluator(setting, SerialExecutor())(gaits)]
+
+
+def here(*arguments: object) -> int:
+    return cli.main([str(argument) for argument in arguments])
+
+
+def test_nan_is_a_status(tmp_path: Path) -> None:
+    hinge = 'name="rear_hip" type="hinge"'
+    assert set(statuses(strider_with(tmp_path / "robot", hinge, f'{hinge} armature="nan"'))) == {
+        "diverged: badqacc"
+    }
+
+
+def test_a_warning_of_mujocos_is_a_status(tmp_path: Path) -> None:
+    assert set(statuses(granted(tmp_path / "robot", "2K"))) == {"diverged: contactfull, cnstrfull"}
+
+
+def test_a_gait_that_exhausts_the_memory_fails_alone(tmp_path: Path) -> None:
+    found = statuses(granted(tmp_path / "robot", "6K"))
+    failed = [status for status in found if status != "ok"]
+    assert len(failed) == 1
+    assert failed[0].startswith(f"failed: {MEMORY}")
+
+
+def test_a_failed_rollout_has_no_figures_and_leaves_the_next_one_alone(tmp_path: Path) -> None:
+    problem = granted(tmp_path / "robot", "6K")
+    gaits = [problem.space.decode(point) for point in quasi_random(problem.space, 6, 1)]
+    simulator, fresh = Simulator.build(problem), Simulator.build(problem)
+    runs = [simulator.run(gait) for gait in gaits]
+    bad = next(i for i, run in enumerate(runs) if run.status != "ok")
+    assert np.isnan(runs[bad]["marker.y"]).all()
+    assert len(runs[bad].to_csv().splitlines()) == len(runs[bad].time) + 1
+    assert same_bits(runs[bad + 1], fresh.run(gaits[bad + 1]))
+
+
+def test_a_study_goes_on_and_the_report_counts_why_gaits_failed(tmp_path: Path) -> None:
+    problem, out = granted(tmp_path / "robot", "6K"), tmp_path / "out"
+    arguments = ("optimise", problem.source.parent, "--budget", 12, "--out", out, "--quiet")
+    assert here(*arguments) == 0
+    journal = Journal(out / "evaluations.csv", problem)
+    failed = [entry.evaluation.status for entry in journal.entries if entry.evaluation.status != "ok"]
+    assert failed
+    note = f"{len(failed)} of 12 gaits failed in simulation: {failed[0]} ({len(failed)})"
+    assert note in json.loads((out / "summary.json").read_text())["notes"]
+    assert f"{len(failed)} of 12 gaits failed in simulation: failed: mj_stackAlloc" in (
+        out / "report.html"
+    ).read_text().replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_a_study_in_which_every_gait_fails_says_so_and_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    problem = granted(tmp_path / "robot", "2K")
+    assert here("optimise", problem.source.parent, "--budget", 5, "--out", tmp_path / "out", "--quiet") == 1
+    assert capsys.readouterr().err == (
+        "gaitopt: every one of 5 gaits failed in simulation: diverged: contactfull, cnstrfull (5)\n"
+    )
+
+
+def test_a_robot_too_large_for_its_memory_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(GaitoptError, match="the robot cannot be brought to rest: mj_stackAlloc"):
+        build_model(granted(tmp_path / "robot", "4K"))
+
+
+def test_nothing_is_compared_or_handed_over_that_cannot_be_simulated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = granted(tmp_path / "robot", "2K").source.parent
+    assert here("compare", folder, "stride", "square", "--json") == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["more_than_noise"] for row in rows] == [False, False]
+    assert here("export", folder, "stride", "--format", "c", "--out", tmp_path / "player") == 1
+    assert capsys.readouterr().err == "gaitopt: stride: the simulation diverged: contactfull, cnstrfull\n"
+    assert not (tmp_path / "player").exists()
+
+
+def test_a_model_that_never_settles_is_taken_as_it_is_in_the_end(tmp_path: Path) -> None:
+    """A pendulum without friction beside the robot; `gaitopt check` names its unrest."""
+    swinging = '<body pos="3 0 1"><joint type="hinge"/><geom size=".01" pos="0 .3 0"/></body></worldbody>'
+    assert set(statuses(strider_with(tmp_path / "robot", "</worldbody>", swinging), 2)) == {"ok"}
+
+
+def test_a_slow_rollout_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every limit is a count, not a clock: one that takes a hundred times as long gives the same bits."""
+    problem = load_problem(STRIDER)
+    quick = statuses(problem, 3)
+    assess, slept = evaluator.assess, []
+
+    def slowly(*arguments: object) -> object:
+        if not slept:
+            slept.append(time.sleep(1.0))
+        return assess(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(evaluator, "assess", slowly)
+    assert statuses(problem, 3) == quick
+    assert slept
