@@ -29,6 +29,12 @@ START = "start"
 _FILE_KEYS = ("file", *(f"file{side}" for side in ("right", "left", "up", "down", "front", "back")))
 """Attributes of MJCF elements that name a file; the sides are a cube texture's."""
 
+_PLACES = ("pos", "size", "fromto", "axis", "quat", "euler", "axisangle", "xyaxes", "zaxis", "vertex")
+"""Attributes of MJCF elements that say where something is, and how large."""
+
+_LARGEST = 1e10
+"""What MuJoCo itself calls bad in a robot's state; its compiler relies on places being no farther."""
+
 _MAX_DEPTH = 200
 """Elements nested deeper are no robot."""
 
@@ -357,12 +363,24 @@ def compile_mjcf(root: ET.Element, path: Path, assets: Mapping[str, bytes]) -> m
     """Return the model of an MJCF, given every file that it names.
 
     Raises:
-        GaitoptError: MuJoCo refuses it.
+        GaitoptError: MuJoCo refuses it, or something in it is as far away as no robot is.
     """
+    for element in root.iter():
+        for key in _PLACES:
+            if not all(abs(number) <= _LARGEST for number in _numbers(element.get(key, ""))):
+                raise bad_value(path, f"{element.tag} {key}", element.get(key), f"at most {_LARGEST:g}")
     try:
         return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"), dict(assets))
     except ValueError as error:
         raise GaitoptError(f"{path}: {error}") from None
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the numbers in a text; MuJoCo says what is none."""
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        return []
 
 
 def _assets(root: ET.Element, problem: Problem) -> dict[str, bytes]:

@@ -134,9 +134,9 @@ class Horizon(_Record):
         measured_s, measured_cycles: at least this long is measured.
     """
 
-    transient_s: _NonNegative = 1.0
+    transient_s: Annotated[_NonNegative, Field(le=1e6)] = 1.0
     transient_cycles: Annotated[int, Field(ge=0, le=1000)] = 1
-    measured_s: _Positive = 4.0
+    measured_s: Annotated[_Positive, Field(le=1e6)] = 4.0
     measured_cycles: Annotated[int, Field(ge=1, le=1000)] = 2
 
     def cycles(self, period_s: float) -> tuple[int, int]:

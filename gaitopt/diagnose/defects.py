@@ -137,7 +137,8 @@ def outliers(trial: Trial, period: float | None) -> Found:
         return trial, None
     cleaned = trial.masked(flags, "marker")
     better = bridged(cleaned)
-    farthest = max(float(np.nanmax(np.abs(s - better[n])[flags])) for n, s in markers(trial).items())
+    strayed = [np.abs(trial.signals[name] - series)[flags] for name, series in better.items()]
+    farthest = float(np.nanmax(np.concatenate([[0.0], *strayed])))
     measured = np.logical_or.reduce([trial.used[name] for name in markers(trial)])
     share = float(flags.sum() / measured.sum())
     count = int(flags.sum())

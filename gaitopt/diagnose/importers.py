@@ -80,7 +80,7 @@ def import_file(path: Path, options: Options) -> Imported:
     if options.view not in VIEWS:
         raise bad_value("--view", "view", options.view, ", ".join(VIEWS), VIEWS)
     for option, value, low, high in (
-        ("--fps", options.fps, 1e-3, 1e6),
+        ("--fps", options.fps, 0.01, 1e6),
         ("--scale-m-per-px", options.scale_m_per_px, 1e-9, 1e3),
         ("--sync-at", options.sync_at_s, -1e9, 1e9),
     ):
@@ -96,6 +96,8 @@ def import_file(path: Path, options: Options) -> Imported:
     program, time, signals, defects = reader(path, rows, options)
     order = np.argsort(time, kind="stable") if program == "SLEAP" else np.arange(len(time))
     trial = Trial.of(path.stem, _UNKNOWN_GAIT, time[order], {n: s[order] for n, s in signals.items()})
+    if np.isnan(trial.time).any():
+        raise GaitoptError(f"{path}: {int(np.isnan(trial.time).sum())} time stamps are missing")
     backward = np.flatnonzero(np.diff(trial.time) < 0.0)
     if len(backward):
         raise GaitoptError(f"{path}: time goes backward after {trial.time[backward[0]]:g} s")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gaitopt.errors import GaitoptError, found, unknown_name
 from gaitopt.files import read_text
 
-_LARGEST = 1e15
+_LARGEST = 1e12
 """No camera, clock or servo gives a larger number, in any unit."""
 
 _MISSING = {"", "nan", "na", "n/a", "none", "null", "-"}
