@@ -856,10 +856,12 @@ def _blind_make(options: argparse.Namespace) -> None:
     seed = _seed(options.seed)
     kinds = [options.kind] * options.cases if options.kind else kinds_of(options.cases, seed)
     with open_executor("threads", options.workers) as executor:
-        folders = make_all(
+        faint = make_all(
             problem, options.out, kinds, seed, gaits, options.seconds, signals, options.only, executor
         )
-    print(f"{len(folders)} cases: {options.out}; their truth: {options.out / 'sealed'}")
+    print(f"{len(kinds)} cases: {options.out}; their truth: {options.out / 'sealed'}")
+    if faint:
+        print(f"drawn but too faint within their bounds, on some target or side: {', '.join(faint)}")
 
 
 def _blind_score(options: argparse.Namespace) -> None:

@@ -83,6 +83,7 @@ class Maker:
         nominal: nominal robot at the working fidelity.
         paths: its trajectories.
         floors: what nuisances and noise change, RMS of the marker of each gait, m.
+        faint: effects that were drawn, and on some target and side make no gap of `SMALL` floors.
     """
 
     problem: Problem
@@ -92,6 +93,7 @@ class Maker:
     nominal: Simulator
     paths: Mapping[str, Trajectory]
     floors: Mapping[str, float]
+    faint: set[str] = field(default_factory=set)
 
     @property
     def rivals(self) -> list[Hypothesis]:
@@ -204,6 +206,8 @@ def draw_case(
             found = _sized(made, executor, *_single(made, str(chosen[0]), rng))
         if found is not None:
             return found
+        if kind == "single":
+            made.faint.update(map(str, chosen))
     raise GaitoptError(f"{only or kind}: no gap of {SMALL:g} to {LARGE:g} floors was found inside its bounds")
 
 
@@ -457,8 +461,8 @@ def make_all(
     signals: Sequence[str] | None,
     only: str | None,
     executor: Executor,
-) -> list[Path]:
-    """Make cases, those that exist already kept, and return their folders.
+) -> list[str]:
+    """Make cases, those that exist already kept; return the effects drawn that could make no gap.
 
     Args:
         problem: the problem.
@@ -487,10 +491,7 @@ def make_all(
     (out / NOMINAL_FOLDER).mkdir(parents=True, exist_ok=True)
     write_text(out / NOMINAL_FOLDER / "model.xml", nominal_mjcf(problem))
     write_text(out / NOMINAL_FOLDER / PROBLEM_FILE, problem.to_toml("model.xml"))
-    folders = []
     for index, kind in enumerate(kinds):
-        folder = out / f"case-{index:03d}"
         if not (out / "sealed" / f"case-{index:03d}.json").exists():
             make_case(made, out, index, kind, seed, executor, only)
-        folders.append(folder)
-    return folders
+    return sorted(made.faint)

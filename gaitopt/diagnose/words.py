@@ -43,7 +43,7 @@ def answer(diagnosis: Diagnosis) -> str:
 
 _VERDICTS = {
     "explained": "The gap is explained by {0}.",
-    "ambiguous": "The gap is explained by {0}, or by {1}: these trials cannot tell which.",
+    "ambiguous": "These trials cannot tell what causes the gap: {0}, or {1}.",
     "partly_explained": "{0} explains a part of the gap only; something else is at work.",
     "unexplained": "No effect of the library explains the gap significantly on trials that it was not fitted "
     "to; the best of them is {0}.",
