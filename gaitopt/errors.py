@@ -6,7 +6,15 @@ import difflib
 import reprlib
 from collections.abc import Iterable
 
-_SHORT = reprlib.Repr()
+
+class _Short(reprlib.Repr):
+    """Values as a message quotes them: Python itself prints no number of more than 4300 digits."""
+
+    def repr_int(self, x: int, level: int) -> str:
+        return super().repr_int(x, level) if x.bit_length() < 10_000 else "a number of thousands of digits"
+
+
+_SHORT = _Short()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 200
 
 

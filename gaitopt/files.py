@@ -83,6 +83,7 @@ def inside(folder: Path, name: str) -> Path | None:
     """Return the path of a file that another one names, or None where it lies outside their folder."""
     try:
         path = folder / name
+        path.exists()  # which says if the name is too long
         return path if path.resolve().is_relative_to(folder.resolve()) else None
     except (ValueError, RuntimeError, OSError):  # a null byte; links in a circle; a name without end
         return None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import pickle
 import threading
 from collections.abc import Sequence
 from concurrent.futures import CancelledError, Executor
@@ -54,7 +53,7 @@ class Setting:
         problem = carrying(problem)
         file = problem.to_toml(problem.model_path.name)
         content = (file, sorted((problem.carried or {}).items()), tuple(scenarios), repr(fidelity))
-        key = hashlib.sha256(pickle.dumps(content)).hexdigest()
+        key = hashlib.sha256(repr(content).encode()).hexdigest()
         return Setting(problem, tuple(scenarios), fidelity, key, versions())
 
 
