@@ -14,7 +14,8 @@ from pydantic import (
     model_validator,
 )
 
-_Pulse = Annotated[int, Field(ge=1, le=65535)]
+_LONGEST_US = 65535
+_Pulse = Annotated[int, Field(ge=1, le=_LONGEST_US)]
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
@@ -82,4 +83,5 @@ class Calibration(BaseModel):
 
     def pulse_per_frame_us(self, speed_deg_s: float, frame_s: float) -> int:
         """Return the largest change of the pulse in one frame within a speed, whole µs, at least 1."""
-        return max(1, math.floor(self.us_per_deg * speed_deg_s * frame_s * (1.0 + 1e-12)))
+        change = self.us_per_deg * speed_deg_s * frame_s * (1.0 + 1e-12)
+        return max(1, math.floor(min(change, _LONGEST_US)))

@@ -336,7 +336,7 @@ def _set_attribute(root: ET.Element, path: str, template: str, parameter: Parame
         raise bad_value(source, "path", path, "an XPath that ends in /@attribute")
     try:
         elements = root.findall(xpath)
-    except (SyntaxError, KeyError, TypeError):  # what ElementTree raises for a bad XPath
+    except (SyntaxError, KeyError, TypeError, RecursionError):  # what ElementTree raises for a bad XPath
         elements = []
     if not elements:
         raise bad_value(source, "path", path, "an XPath, from the mujoco element, that finds something")

@@ -18,6 +18,7 @@ from helpers import STRIDER, edited, problem_folder
 
 import gaitopt
 from gaitopt import cli
+from gaitopt.calibration import Calibration
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.importers import Options, import_file, import_files
 from gaitopt.errors import GaitoptError
@@ -122,6 +123,20 @@ def test_a_place_at_the_end_of_floats_never_reaches_mujoco(tmp_path: Path) -> No
     """Its compiler corrupted memory there, now and then."""
     problem = with_element(tmp_path / "robot", '<body pos="1e300 0 0"/>', "<worldbody>")
     assert "body pos: found '1e300 0 0'; allowed: at most 1e+10" in refused(lambda: build_model(problem))
+
+
+def test_an_xpath_of_a_thousand_steps_is_one_line(tmp_path: Path) -> None:
+    def lengthen(content: dict) -> None:
+        content["parameters"]["mass"]["sets"] = [".//" + 3000 * "geom/../" + "geom/@mass"]
+
+    folder = problem_folder(tmp_path / "robot", STRIDER, lengthen)
+    assert "parameters.mass.sets: path: found '" in refused(lambda: build_model(load_problem(folder)))
+
+
+def test_a_slew_beyond_any_servo_is_the_longest_pulse() -> None:
+    """It overflowed; a table holds no larger number."""
+    assert Calibration().pulse_per_frame_us(1e308, 0.02) == 65535
+    assert Calibration(us_per_deg=1e308).pulse_per_frame_us(1e308, 0.02) == 65535
 
 
 def test_a_deeplabcut_head_of_uneven_rows_is_one_line(tmp_path: Path) -> None:

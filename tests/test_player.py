@@ -510,6 +510,19 @@ def test_any_table_any_clock_same_pulses_within_range_and_slew(
         before = list(one.pulse_us)
 
 
+def test_a_million_random_ticks_stay_within_range_and_slew(tmp_path: Path) -> None:
+    """On tables of any content, with clock wraps, new periods in mid-cycle, start and stop at any moment."""
+    compiler = tool("gcc")
+    folder = exported(tmp_path, "c")
+    shutil.copy(HERE / "stress.c", folder)
+    run(compiler, *STRICT, *SANITIZED, "-O1", "stress.c", "gait_player.c", "-o", "stress", cwd=folder)
+    said = run(folder / "stress", 1, 1_000_000).split()
+    assert said[:2] == ["1000000", "ticks,"]
+    assert [
+        int(number) > least for number, least in zip(said[2:8:2], (100_000, 100, 100), strict=True)
+    ] == 3 * [True]
+
+
 def test_half_a_microsecond_is_rounded_up_in_both(library: ctypes.CDLL) -> None:
     """Half way between 1000 and 1001, in powers of two so that it is exactly half."""
     made = (2**17, 2**15, ((-1, 1000, 500, 2500, 0),), (1000, 1001))
