@@ -294,6 +294,8 @@ class ProblemFile(_Record):
             if name not in self.channels:
                 raise ValueError(str(unknown_name("start.ctrl_deg", "channel", name, self.channels)))
         for name, baseline in self.baselines.items():
+            if not name.isprintable():  # it is printed on a terminal
+                raise ValueError(f"baselines: found {name!r}; allowed: a name without control characters")
             source = self.baselines.get(baseline.like) if baseline.like else baseline
             if source is None or source.channels is None:
                 known = [other for other, b in self.baselines.items() if b.channels is not None]

@@ -267,6 +267,15 @@ def test_what_a_file_says_cannot_steer_a_terminal(tmp_path: Path) -> None:
     assert refused(lambda: load_problem("\x1b[2J\udcff"))
 
 
+@pytest.mark.parametrize("name", ["\x1b[31mred", "\u202eback", "two\nlines", "\x07"])
+def test_a_baseline_cannot_steer_a_terminal(tmp_path: Path, name: str) -> None:
+    def rename(content: dict) -> None:
+        content["baselines"][name] = content["baselines"].pop("stride")
+
+    folder = problem_folder(tmp_path / "robot", STRIDER, rename)
+    assert "allowed: a name without control characters" in refused(lambda: load_problem(folder))
+
+
 def test_what_a_terminal_cannot_show_is_escaped(tmp_path: Path) -> None:
     """Standard output that knows ASCII alone, and a name that is no text at all."""
     code = "from gaitopt.cli import main; raise SystemExit(main())"
