@@ -33,7 +33,7 @@ _PLACES = ("pos", "size", "fromto", "axis", "quat", "euler", "axisangle", "xyaxe
 """Attributes of MJCF elements that say where something is, and how large."""
 
 _LARGEST = 1e10
-"""What MuJoCo itself calls bad in a robot's state; its compiler relies on places being no farther."""
+"""What MuJoCo itself calls bad in a robot's state."""
 
 _MAX_DEPTH = 200
 """Elements nested deeper are no robot."""
