@@ -511,7 +511,10 @@ def test_any_table_any_clock_same_pulses_within_range_and_slew(
 
 
 def test_a_million_random_ticks_stay_within_range_and_slew(tmp_path: Path) -> None:
-    """On tables of any content, with clock wraps, new periods in mid-cycle, start and stop at any moment."""
+    """On tables of any content, with clock wraps, new periods in mid-cycle, start and stop at any moment.
+
+    Every fourth table cannot be played, in each of eight ways: it is refused, and nothing is ever sent of it.
+    """
     compiler = tool("gcc")
     folder = exported(tmp_path, "c")
     shutil.copy(HERE / "stress.c", folder)
@@ -519,8 +522,8 @@ def test_a_million_random_ticks_stay_within_range_and_slew(tmp_path: Path) -> No
     said = run(folder / "stress", 1, 1_000_000).split()
     assert said[:2] == ["1000000", "ticks,"]
     assert [
-        int(number) > least for number, least in zip(said[2:8:2], (100_000, 100, 100), strict=True)
-    ] == 3 * [True]
+        int(number) > least for number, least in zip(said[2:10:2], (100_000, 100, 100, 40), strict=True)
+    ] == 4 * [True]
 
 
 def test_half_a_microsecond_is_rounded_up_in_both(library: ctypes.CDLL) -> None:

@@ -1,5 +1,6 @@
 /* Random ticks on random tables: argv is the seed and the number of ticks; exits with 1 at the first pulse
- * outside its servo's range or slew. Tables lie in memory of their exact size, so that a sanitizer sees every
+ * outside its servo's range or slew. Every fourth table cannot be played: 1, too, if it is not refused, or if
+ * anything is sent of it. Tables lie in memory of their exact size, so that a sanitizer sees every
  * step beside them. */
 #include <stdio.h>
 #include <stdlib.h>
@@ -57,11 +58,46 @@ static gait_table_t made(void)
     return (gait_table_t){draw(), span(), below(4) ? 20000 : 1 + below(100000), samples, servos, -1, servo, pulse_us};
 }
 
+/* Spoil a table, each time in the next of the ways that the player must refuse; what it points to stays as
+ * large as it was. */
+static void spoil(gait_table_t *table, unsigned long way)
+{
+    gait_servo_t *servo = (gait_servo_t *)(uintptr_t)table->servo + below(table->servos);
+
+    switch (way % 8) {
+    case 0:
+        table->period_us = 0;
+        break;
+    case 1:
+        table->frame_us = 0;
+        break;
+    case 2:
+        table->samples = 0;
+        break;
+    case 3:
+        table->servos = 0;
+        break;
+    case 4:
+        table->servos = GAIT_MAX_SERVOS + 1;
+        break;
+    case 5:
+        table->servos = (uint16_t)(GAIT_MAX_SERVOS + 1 + below(65536 - GAIT_MAX_SERVOS - 1));
+        break;
+    case 6:
+        servo->min_us = (uint16_t)(2 + below(65534));
+        servo->max_us = (uint16_t)below(servo->min_us);
+        break;
+    default:
+        servo->min_us = 0;
+        break;
+    }
+}
+
 static int wrong(const gait_player_t *player, const uint16_t *last)
 {
     for (uint32_t i = 0; i < GAIT_MAX_SERVOS; i++) {
         const uint32_t pulse = player->pulse_us[i];
-        if (i >= player->table->servos || player->state == GAIT_OFF) {
+        if (player->table == NULL || i >= player->table->servos || player->state == GAIT_OFF) {
             if (pulse != 0) {
                 return 1;
             }
@@ -82,7 +118,7 @@ static int wrong(const gait_player_t *player, const uint16_t *last)
 int main(int count, char **words)
 {
     const unsigned long ticks = count == 3 ? strtoul(words[2], NULL, 10) : 0;
-    unsigned long due = 0, wraps = 0, tables = 0;
+    unsigned long due = 0, wraps = 0, tables = 0, refused = 0;
     gait_player_t player;
     gait_table_t table;
     uint32_t now = 0;
@@ -96,7 +132,14 @@ int main(int count, char **words)
             }
             table = made();
             tables++;
-            gait_init(&player, &table);
+            const bool bad = tables % 4 == 0;
+            if (bad) {
+                spoil(&table, refused++);
+            }
+            if (gait_init(&player, &table) == bad) {
+                printf("table %lu is %s\n", tables, bad ? "not refused" : "refused");
+                return 1;
+            }
             now = below(2) ? 0xffffff00u : draw();
             gait_start(&player, now);
         }
@@ -125,7 +168,12 @@ int main(int count, char **words)
             const uint32_t passed = below(50) ? below(2 * table.frame_us + 2) : span();
             wraps += now + passed < now;
             now += passed;
-            due += gait_tick(&player, now);
+            const bool sent = gait_tick(&player, now);
+            if (sent && player.table == NULL) {
+                printf("a frame of table %lu, which was refused\n", tables);
+                return 1;
+            }
+            due += sent;
             break;
         }
         }
@@ -138,6 +186,6 @@ int main(int count, char **words)
         free((void *)(uintptr_t)table.servo);
         free((void *)(uintptr_t)table.pulse_us);
     }
-    printf("%lu ticks, %lu frames, %lu tables, %lu wraps\n", ticks, due, tables, wraps);
+    printf("%lu ticks, %lu frames, %lu tables, %lu wraps, %lu refused\n", ticks, due, tables, wraps, refused);
     return 0;
 }

@@ -35,6 +35,10 @@ static void servo_write(uint8_t servo, uint32_t duty)
 void setup()
 {
     Serial.begin(115200);
+    if (!gait_init(&player, &gait_table)) {
+        Serial.println("table.h cannot be played");
+        return;
+    }
     const uint32_t hertz = (1000000u + gait_table.frame_us / 2) / gait_table.frame_us;
     for (uint8_t servo = 0; servo < gait_table.servos; servo++) {
         servo_attach(servo, hertz);
@@ -43,7 +47,6 @@ void setup()
     if (gait_table.led_pin >= 0) {
         pinMode((uint8_t)gait_table.led_pin, OUTPUT);
     }
-    gait_init(&player, &gait_table);
 }
 
 void loop()

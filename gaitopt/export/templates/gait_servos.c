@@ -69,6 +69,9 @@ static esp_err_t attach(int servo)
 
 esp_err_t gait_servos_init(void)
 {
+    if (!gait_init(&player, &gait_table)) {
+        return ESP_ERR_INVALID_ARG;
+    }
     const ledc_timer_config_t timer = {
         .speed_mode = LEDC_LOW_SPEED_MODE,
         .duty_resolution = LEDC_TIMER_14_BIT,
@@ -83,7 +86,6 @@ esp_err_t gait_servos_init(void)
     if (error == ESP_OK && gait_table.led_pin >= 0) {
         error = gpio_set_direction((gpio_num_t)gait_table.led_pin, GPIO_MODE_OUTPUT);
     }
-    gait_init(&player, &gait_table);
 
     const esp_timer_create_args_t ticks = {.callback = on_tick, .name = "gait"};
     esp_timer_handle_t handle = NULL;

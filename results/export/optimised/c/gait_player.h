@@ -47,7 +47,7 @@ typedef struct {
 typedef enum { GAIT_OFF, GAIT_ENERGISING, GAIT_WALKING, GAIT_STOPPING, GAIT_HOLDING } gait_state_t;
 
 typedef struct {
-    const gait_table_t *table;
+    const gait_table_t *table; /* NULL: refused */
     gait_state_t state;
     uint64_t phase;        /* position in the cycle, 2^64 to a cycle: wraps with it */
     uint64_t phase_per_us;
@@ -57,8 +57,10 @@ typedef struct {
     uint16_t pulse_us[GAIT_MAX_SERVOS];
 } gait_player_t;
 
-/* Servos off, the table's own period. */
-void gait_init(gait_player_t *player, const gait_table_t *table);
+/* Servos off, the table's own period. False for a table that cannot be played, and then the servos stay
+ * off whatever is called: a period, frame, samples or servos of 0, more than GAIT_MAX_SERVOS, or a servo
+ * whose shortest pulse is 0 or above its longest. */
+bool gait_init(gait_player_t *player, const gait_table_t *table);
 
 /* Energise the servos one after another, then walk: gait time 0 is the first frame in GAIT_WALKING. */
 void gait_start(gait_player_t *player, uint32_t now_us);

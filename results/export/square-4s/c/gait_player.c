@@ -1,5 +1,7 @@
 #include "gait_player.h"
 
+#include <stddef.h>
+
 /* 2^64 / divisor, rounded down (0 for 1), by long division: no 64-bit divider is linked in. */
 static uint64_t reciprocal(uint32_t divisor)
 {
@@ -91,17 +93,36 @@ static uint16_t next_pulse(const gait_player_t *player, uint32_t servo)
     return (uint16_t)pulse;
 }
 
-void gait_init(gait_player_t *player, const gait_table_t *table)
+static bool playable(const gait_table_t *table)
 {
-    player->table = table;
+    if (table == NULL || table->servo == NULL || table->pulse_us == NULL || table->period_us == 0 ||
+        table->frame_us == 0 || table->samples == 0 || table->servos == 0 || table->servos > GAIT_MAX_SERVOS) {
+        return false;
+    }
+    for (uint32_t servo = 0; servo < table->servos; servo++) {
+        const gait_servo_t *limits = &table->servo[servo];
+        if (limits->min_us == 0 || limits->min_us > limits->max_us) {
+            return false;
+        }
+    }
+    return true;
+}
+
+bool gait_init(gait_player_t *player, const gait_table_t *table)
+{
+    player->table = playable(table) ? table : NULL;
     player->phase = 0;
-    player->phase_per_us = reciprocal(table->period_us);
+    player->phase_per_us = player->table == NULL ? 0 : reciprocal(table->period_us);
     player->frame_at_us = 0;
     gait_release(player);
+    return player->table != NULL;
 }
 
 void gait_start(gait_player_t *player, uint32_t now_us)
 {
+    if (player->table == NULL) {
+        return;
+    }
     if (player->state == GAIT_STOPPING) {
         player->state = GAIT_WALKING;
     } else if (player->state != GAIT_WALKING && player->state != GAIT_ENERGISING) {
@@ -141,7 +162,7 @@ bool gait_tick(gait_player_t *player, uint32_t now_us)
     const gait_table_t *table = player->table;
     uint32_t passed_us = now_us - player->frame_at_us;
 
-    if (passed_us < table->frame_us) {
+    if (table == NULL || passed_us < table->frame_us) {
         return false;
     }
     passed_us -= passed_us % table->frame_us;
@@ -162,5 +183,8 @@ bool gait_led(const gait_player_t *player)
 
 uint32_t gait_duty(const gait_table_t *table, uint16_t pulse_us)
 {
+    if (table->frame_us == 0) {
+        return 0;
+    }
     return (((uint32_t)pulse_us << GAIT_DUTY_BITS) + table->frame_us / 2) / table->frame_us;
 }

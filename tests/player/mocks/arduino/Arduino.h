@@ -43,6 +43,7 @@ inline void ledcWrite(uint8_t channel, uint32_t duty) { mock_duty[mock_pin[chann
 
 struct MockSerial {
     void begin(unsigned long) {}
+    void println(const char *line) { std::puts(line); }
     int available() { return static_cast<int>(mock_typed.size()); }
     int read()
     {
