@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -85,7 +85,7 @@ def check(
         "rest at the start": lambda: _unrest(simulator),
         "inert parameters": lambda: _inert(problem, executor),
         "gaits": lambda: _gaits(simulator, executor),
-        "timestep": lambda: _timestep(problem, executor),
+        "timestep": lambda: _timestep(problem, executor, {f.gait for f in findings if f.name == "diverged"}),
     }
     for title, step in steps.items():
         on_step(title)
@@ -98,6 +98,9 @@ def _unrest(simulator: Simulator) -> Iterator[Finding]:
     time = simulator.clock(REST_S)
     held = np.tile(start_targets(simulator.problem), (len(time), 1))
     trajectory = simulator.play(time, held)
+    if trajectory.status != "ok":
+        yield _diverged("", f"held at its start, the simulation {trajectory.status}")
+        return
     marker = trajectory.stacked("marker")
     speed = _fastest(trajectory.time, marker)
     if not speed <= REST_MARKER_M_S:
@@ -114,6 +117,10 @@ def _unrest(simulator: Simulator) -> Iterator[Finding]:
     if not joints <= REST_JOINT_RAD_S:
         message = f"held at its start for {REST_S:g} s a joint turns at up to {joints:.3g} rad/s"
         yield Finding("unrest_at_start", "", joints, REST_JOINT_RAD_S, message)
+
+
+def _diverged(gait: str, message: str) -> Finding:
+    return Finding("diverged", gait, math.inf, 0.0, message)
 
 
 def _fastest(time: np.ndarray, series: np.ndarray) -> float:
@@ -133,7 +140,9 @@ def _inert(problem: Problem, executor: Executor) -> Iterator[Finding]:
     nominal, *others = [future.result() for future in futures]
     for name, changed, trajectory in zip(names, problems[1:], others, strict=True):
         reason = _inert_friction(problem, changed)
-        same = all(np.array_equal(nominal[s], trajectory[s], equal_nan=True) for s in nominal.signals)
+        same = nominal.status == "ok" and all(
+            np.array_equal(nominal[s], trajectory[s], equal_nan=True) for s in nominal.signals
+        )
         if reason or same:
             what = reason or "nothing, to the last bit"
             message = f"changing {name} by 10 % changes {what}"
@@ -185,7 +194,7 @@ def _gaits(simulator: Simulator, executor: Executor) -> Iterator[Finding]:
     pairs = zip(executor.map(simulator.run, gaits), executor.map(nudged.run, gaits), strict=True)
     for gait, (trajectory, other) in zip(gaits, pairs, strict=True):
         if trajectory.status != "ok":
-            yield Finding("diverged", gait.name, math.inf, 0.0, f"the simulation {trajectory.status}")
+            yield _diverged(gait.name, f"the simulation {trajectory.status}")
             continue
         yield from _conduct(simulator.problem, gait, trajectory, robot)
         yield from _chaos(gait, trajectory, other)
@@ -233,8 +242,11 @@ def _chaos(gait: Gait, one: Trajectory, other: Trajectory) -> Iterator[Finding]:
         yield Finding("chaos", gait.name, growth, GROWTH, message)
 
 
-def _timestep(problem: Problem, executor: Executor) -> Iterator[Finding]:
-    """Does the mean speed over perturbed starts change when the timestep is halved?"""
+def _timestep(problem: Problem, executor: Executor, diverged: Collection[str]) -> Iterator[Finding]:
+    """Does the mean speed over perturbed starts change when the timestep is halved?
+
+    Gaits that are known to have diverged are left out.
+    """
     working = problem.simulation.working
     halved = Fidelity(timestep_s=working.timestep_s / 2.0, integrator=working.integrator)
     starts = tuple(Scenario(start_pose_rad=_START_SPREAD_RAD, pose_seed=i) for i in range(_STARTS))
@@ -242,12 +254,21 @@ def _timestep(problem: Problem, executor: Executor) -> Iterator[Finding]:
     fine = coarse.at(halved)
     robot = Robot.of(coarse.models[0])
     for gait in problem.baselines.values():
+        if gait.name in diverged:
+            continue
         steps = 3.0 * coarse.duration(gait) / working.timestep_s
         count = int(np.clip(_STEP_BUDGET // steps, 2, _STARTS))
-        speeds = []
-        for simulator in (coarse, fine):
-            runs = executor.map(simulator.run, [gait] * count, range(count))
-            speeds.append([measure(problem, gait, run, robot)["speed_m_s"] for run in runs])
+        runs = [list(executor.map(each.run, [gait] * count, range(count))) for each in (coarse, fine)]
+        failed = [[run.status for run in some if run.status != "ok"] for some in runs]
+        if any(failed):
+            yield _diverged(
+                gait.name,
+                f"from perturbed starts, {len(failed[0])} of {count} simulations fail at "
+                f"{working.timestep_s:g} s and {len(failed[1])} at half of it: "
+                f"{', '.join(sorted({*failed[0], *failed[1]}))}",
+            )
+            continue
+        speeds = [[measure(problem, gait, run, robot)["speed_m_s"] for run in some] for some in runs]
         before, after = np.mean(speeds, axis=1).tolist()
         error = float(np.sqrt(np.var(speeds, axis=1, ddof=1).sum() / count))
         limit = max(TIMESTEP_CHANGE * abs(after), TIMESTEP_FLOOR_M_S)

@@ -1,8 +1,11 @@
 """Simulations that go wrong: a status with a reason, which is counted; the study goes on, or says why not."""
 
 import json
+import re
 import time
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from helpers import STRIDER, edited, problem_folder, same_bits
 
 from gaitopt import cli
 from gaitopt.errors import GaitoptError
+from gaitopt.gait import Gait
 from gaitopt.model import build_model
 from gaitopt.optimise import evaluator
 from gaitopt.optimise.evaluator import Evaluator, Setting
@@ -18,6 +22,7 @@ from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.study import quasi_random
 from gaitopt.problem import Problem, load_problem
 from gaitopt.rollout import NOMINAL, Simulator
+from gaitopt.trajectory import Trajectory
 
 OPTION = '<option cone="elliptic" impratio="10"/>'
 MEMORY = "mj_stackAlloc: out of memory, stack overflow at PrimalAllocate, line "
@@ -112,6 +117,57 @@ def test_nothing_is_compared_or_handed_over_that_cannot_be_simulated(
     assert here("export", folder, "stride", "--format", "c", "--out", tmp_path / "player") == 1
     assert capsys.readouterr().err == "gaitopt: stride: the simulation diverged: contactfull, cnstrfull\n"
     assert not (tmp_path / "player").exists()
+
+
+def findings(capsys: pytest.CaptureFixture[str], problem: Path) -> list[tuple[str, str, str]]:
+    """Name, gait and message of what `gaitopt check` finds; no figure of it is nan."""
+    capsys.readouterr()
+    assert here("check", problem, "--json", "--out", problem.parent / "check") == 0
+    said = capsys.readouterr().out
+    assert "nan" not in said
+    return [(row["name"], row["gait"], row["message"]) for row in json.loads(said)["findings"]]
+
+
+def test_a_check_says_of_what_diverges_that_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It called every parameter inert, and gave a mean speed from nan to nan."""
+    granted(tmp_path / "robot", "2K")
+    said = "the simulation diverged: contactfull, cnstrfull"
+    held = ("diverged", "", f"held at its start, {said}")
+    gaits = [("diverged", gait, said) for gait in ("stride", "square")]
+    assert findings(capsys, tmp_path / "robot") == [held, *gaits]
+
+
+def test_a_check_says_from_how_many_starts_a_gait_fails(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fails from one of the perturbed starts alone, at the working timestep."""
+    run = Simulator.run
+
+    def sometimes(self: Simulator, gait: Gait, scenario: int = 0, **options: Any) -> Trajectory:
+        played = run(self, gait, scenario, **options)
+        return (
+            replace(played, status="diverged: badqvel") if scenario == 1 and gait.name == "square" else played
+        )
+
+    monkeypatch.setattr(Simulator, "run", sometimes)
+    problem_folder(tmp_path / "robot", STRIDER)
+    found = [message for name, gait, message in findings(capsys, tmp_path / "robot") if name == "diverged"]
+    assert len(found) == 1
+    assert re.fullmatch(
+        r"from perturbed starts, 1 of \d+ simulations fail at 0.002 s and 1 at half of it: diverged: badqvel",
+        found[0],
+    )
+
+
+def test_a_check_says_that_a_model_cannot_be_held(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    play = Simulator.play
+    monkeypatch.setattr(Simulator, "play", lambda *a: replace(play(*a), status="diverged: badqpos"))
+    problem_folder(tmp_path / "robot", STRIDER)
+    found = findings(capsys, tmp_path / "robot")
+    assert ("diverged", "", "held at its start, the simulation diverged: badqpos") in found
+    assert "unrest_at_start" not in {name for name, _, _ in found}
 
 
 def test_a_model_that_never_settles_is_taken_as_it_is_in_the_end(tmp_path: Path) -> None:
