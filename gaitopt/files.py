@@ -11,14 +11,24 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import UnionType
-from typing import Any, TypeVar, Union, get_origin
+from typing import Annotated, Any, TypeVar, Union, get_origin
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
+from pydantic import AfterValidator, BaseModel, ValidationError
 
 from gaitopt.errors import GaitoptError, found, nearest
 
 Record = TypeVar("Record", bound=BaseModel)
+
+
+def _shown(name: str) -> str:
+    if not name.isprintable():
+        raise ValueError(f"found {found(name)}; allowed: a name without control characters")
+    return name
+
+
+Name = Annotated[str, AfterValidator(_shown)]
+"""A name out of a file, which is printed on a terminal and drawn."""
 
 
 def read_text(path: Path) -> str:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 from gaitopt.calibration import Calibration
 from gaitopt.effects.active import Setting, Values, settings_of
 from gaitopt.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.files import inside, read_toml, validated
+from gaitopt.files import Name, inside, read_toml, validated
 from gaitopt.gait import Channel, Gait, read_gait
 from gaitopt.roles import Roles
 from gaitopt.space import ChannelSpace, GaitSpace
@@ -274,12 +274,12 @@ class ProblemFile(_Record):
     name: Annotated[str, Field(max_length=100, pattern=r"^\w[\w .+-]*$")]
     description: str = ""
     model: str | None = None
-    parameters: dict[str, Parameter] = {}
+    parameters: dict[Name, Parameter] = {}
     roles: Roles
     start: Start = Start()
     gait: _Gait
-    channels: Annotated[dict[str, ChannelBounds], Field(min_length=1)]
-    baselines: dict[str, Baseline] = {}
+    channels: Annotated[dict[Name, ChannelBounds], Field(min_length=1)]
+    baselines: dict[Name, Baseline] = {}
     simulation: Simulation
     servo: Servo = Servo()
     scenarios: ScenarioSpread = ScenarioSpread()
@@ -294,8 +294,6 @@ class ProblemFile(_Record):
             if name not in self.channels:
                 raise ValueError(str(unknown_name("start.ctrl_deg", "channel", name, self.channels)))
         for name, baseline in self.baselines.items():
-            if not name.isprintable():  # it is printed on a terminal
-                raise ValueError(f"baselines: found {name!r}; allowed: a name without control characters")
             source = self.baselines.get(baseline.like) if baseline.like else baseline
             if source is None or source.channels is None:
                 known = [other for other, b in self.baselines.items() if b.channels is not None]

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from gaitopt.files import Name
+
 _Component = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
 _Vector = tuple[_Component, _Component, _Component]
 
@@ -27,10 +29,10 @@ class Roles(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    marker: str
-    pads: list[str] = []
-    body: list[str] = []
-    hinges: list[str] = []
+    marker: Name
+    pads: list[Name] = []
+    body: list[Name] = []
+    hinges: list[Name] = []
     forward: _Vector = (1.0, 0.0, 0.0)
     up: _Vector = (0.0, 0.0, 1.0)
 

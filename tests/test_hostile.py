@@ -267,13 +267,46 @@ def test_what_a_file_says_cannot_steer_a_terminal(tmp_path: Path) -> None:
     assert refused(lambda: load_problem("\x1b[2J\udcff"))
 
 
-@pytest.mark.parametrize("name", ["\x1b[31mred", "\u202eback", "two\nlines", "\x07"])
-def test_a_baseline_cannot_steer_a_terminal(tmp_path: Path, name: str) -> None:
+STEERING = ["\x1b[31mred", "\u202eback", "two\nlines", "\x07", "\x9b2J"]
+PLAIN_NAME = "allowed: a name without control characters"
+
+
+@pytest.mark.parametrize("name", STEERING)
+@pytest.mark.parametrize("where", ["baselines", "channels", "parameters", "marker", "pads", "body", "hinges"])
+def test_a_name_in_a_problem_cannot_steer_a_terminal(tmp_path: Path, where: str, name: str) -> None:
     def rename(content: dict) -> None:
-        content["baselines"][name] = content["baselines"].pop("stride")
+        if where == "marker":
+            content["roles"]["marker"] = name
+        elif where in ("pads", "body", "hinges"):
+            content["roles"][where] = [name]
+        else:
+            content[where][name] = content[where].pop(next(iter(content[where])))
 
     folder = problem_folder(tmp_path / "robot", STRIDER, rename)
-    assert "allowed: a name without control characters" in refused(lambda: load_problem(folder))
+    assert PLAIN_NAME in refused(lambda: load_problem(folder))
+
+
+@pytest.mark.parametrize("name", STEERING)
+@pytest.mark.parametrize("where", ["name", "gait", "file", "time", "signal", "column"])
+def test_a_name_in_a_data_set_cannot_steer_a_terminal(tmp_path: Path, where: str, name: str) -> None:
+    (tmp_path / "walk.csv").write_text("t_s,x_m\n" + "\n".join(f"{0.1 * i},{i}" for i in range(60)))
+    entry: dict = {"name": "a", "gait": "stride", "file": "walk.csv", "signals": {"marker.x": "x_m"}}
+    (tmp_path / "dataset.toml").write_text(tomli_w.dumps({"trial": [entry]}))
+    known = ["marker.x", name]
+    assert load_dataset(tmp_path, load_problem(STRIDER), known).trials[0].name == "a"
+    entry |= {"signal": {"signals": {name: "x_m"}}, "column": {"signals": {"marker.x": name}}}.get(
+        where, {where: name}
+    )
+    (tmp_path / "dataset.toml").write_text(tomli_w.dumps({"trial": [entry]}))
+    assert PLAIN_NAME in refused(lambda: load_dataset(tmp_path, load_problem(STRIDER), known))
+
+
+@pytest.mark.parametrize("name", STEERING)
+def test_a_trial_is_not_named_after_a_file_that_steers_a_terminal(tmp_path: Path, name: str) -> None:
+    walk, out = tmp_path / f"{name}.csv", tmp_path / "out"
+    walk.write_text("t_s,x_m\n" + "\n".join(f"{0.1 * i},{i}" for i in range(60)))
+    assert PLAIN_NAME in refused(lambda: import_files([walk], ["stride"], out, Options()))
+    assert not out.exists()
 
 
 def test_what_a_terminal_cannot_show_is_escaped(tmp_path: Path) -> None:

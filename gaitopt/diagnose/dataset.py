@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gaitopt.diagnose.tables import Table, read_csv
 from gaitopt.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.files import inside, read_toml, validated
+from gaitopt.files import Name, inside, read_toml, validated
 from gaitopt.gait import Gait, read_gait
 from gaitopt.problem import Problem
 from gaitopt.units import ANGLE, LENGTH, TIME, suffix_scale
@@ -30,7 +30,7 @@ Series = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-_Name = Annotated[str, Field(min_length=1, max_length=100)]
+_Name = Annotated[Name, Field(min_length=1, max_length=100)]
 
 
 class TrialFile(BaseModel):
@@ -56,7 +56,7 @@ class TrialFile(BaseModel):
     starts_at_gait_time_s: _Finite | None = None
     noise_m: _Positive | None = None
     fps: _Positive | None = None
-    signals: Annotated[dict[str, str], Field(min_length=1)]
+    signals: Annotated[dict[Name, Name], Field(min_length=1)]
 
 
 class DataSetFile(BaseModel):

@@ -13,11 +13,11 @@ import tomli_w
 from numpy.typing import NDArray
 
 from gaitopt.diagnose.cleaning import clean
-from gaitopt.diagnose.dataset import DATASET_FILE, Trial
+from gaitopt.diagnose.dataset import DATASET_FILE, DataSetFile, Trial
 from gaitopt.diagnose.defects import Defect, counted, spans_of
 from gaitopt.diagnose.tables import read_rows, table
 from gaitopt.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.files import csv_text, filling, write_text
+from gaitopt.files import csv_text, filling, validated, write_text
 from gaitopt.gait import Channel, Gait
 from gaitopt.units import ANGLE, LENGTH, TIME, suffix_scale
 
@@ -310,7 +310,9 @@ def import_files(
     with filling(folder):
         for name, gait, motion in zip(names, each, imported, strict=True):
             entries.append(_write_trial(folder, name, _gait_beside(folder, gait), motion, options))
-        write_text(folder / DATASET_FILE, tomli_w.dumps({"trial": entries}))
+        content = {"trial": entries}
+        write_text(folder / DATASET_FILE, tomli_w.dumps(content))
+        validated(DataSetFile, content, folder / DATASET_FILE)
     return imported
 
 
