@@ -319,7 +319,7 @@ def hostile(wired_folder: Path, name: str) -> Problem:
 
 @pytest.mark.parametrize(
     "name",
-    ['*/ system("x") //', "a\nimport os", '"); system("x"); //', "\\", "??/", "{{ 7 * 7 }}", "|`<b>", "ü"],
+    ['*/ system("x") //', "a\\nimport os", '"); system("x"); //', "\\", "??/", "{{ 7 * 7 }}", "|`<b>", "ü"],
 )
 def test_a_name_stays_a_name(wired_folder: Path, tmp_path: Path, name: str) -> None:
     problem = hostile(wired_folder, name)
