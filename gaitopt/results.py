@@ -32,12 +32,18 @@ RUNS = Path("results") / "runs"
 """Where run folders go by default; git ignores it."""
 
 _REQUEST_FILE = "run.toml"
+_SUMMARY_FILE = "summary.json"
 _LOCK_FILE = ".lock"
 _MODEL_FILE = "model.xml"
 _FIRST_FILES = (PROBLEM_FILE, _MODEL_FILE)
 
 _HALF_WRITTEN = re.compile(r"\..+\.[a-z0-9_]{8}\.\w+")
 """Names of the temporary files that `files.write_with` renames into place; a killed run may leave one."""
+
+
+def _versions() -> dict[str, str]:
+    """What the bits of a run depend on beside its request."""
+    return {name: version(name) for name in ("gaitopt", "mujoco", "numpy")}
 
 
 class _Row(BaseModel):
@@ -90,7 +96,7 @@ class RunFolder:
             for name, data in assets.items():
                 folder._write_asset(name, data)
             write_problem(path, problem, model)
-            content = asdict(request) | {"gaitopt": version("gaitopt"), "mujoco": version("mujoco")}
+            content = asdict(request) | _versions()
             folder.file(_REQUEST_FILE, lambda p: write_text(p, tomli_w.dumps(content)))
         except BaseException:
             folder.discard()
@@ -105,7 +111,7 @@ class RunFolder:
         """Open the folder of an interrupted or finished run.
 
         Raises:
-            GaitoptError: the folder does not hold a run.
+            GaitoptError: the folder does not hold a run, or an unfinished one of other versions.
         """
         if not (path / _REQUEST_FILE).is_file():
             raise GaitoptError(f"--resume: {path}: not a run folder (no {_REQUEST_FILE})")
@@ -116,6 +122,11 @@ class RunFolder:
                 raise GaitoptError(f"{path / _REQUEST_FILE}: {key}: missing; it is required")
             if type(values[key]) is not type(default):
                 raise bad_value(path / _REQUEST_FILE, key, values[key], f"{type(default).__name__}")
+        for name, here in _versions().items():
+            if values.get(name, here) != here and not (path / _SUMMARY_FILE).exists():
+                raise bad_value(
+                    path / _REQUEST_FILE, name, values[name], f"{here}, the version here, to go on"
+                )
         request = Request(**{key: values[key] for key in asdict(Request())})
         return RunFolder(path, new=False), load_problem(path), request
 
@@ -166,7 +177,7 @@ class RunFolder:
         Raises:
             GaitoptError: it was changed since, and what is printed of it is no longer there.
         """
-        path = self.path / "summary.json"
+        path = self.path / _SUMMARY_FILE
         if not path.exists():
             return None
         summary: dict[str, Any] = read_json(path)
@@ -199,7 +210,7 @@ class RunFolder:
         for found in optimised.front:
             gait = found.verified.gait
             self.file(f"pareto/{gait.name}.toml", partial(write_gait, gait=gait))
-        self.file("summary.json", lambda p: write_text(p, to_json(summary)))
+        self.file(_SUMMARY_FILE, lambda p: write_text(p, to_json(summary)))
         return summary
 
 

@@ -2,12 +2,16 @@
 
 import json
 import math
+import shutil
+import tomllib
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import tomli_w
 from helpers import STRIDER, edited, problem_folder
 
 from gaitopt import cli, report
@@ -226,6 +230,23 @@ def test_resume_takes_everything_from_the_folder(
     assert (code, out) == (1, "")
     name = str(option[0]).replace("--no-", "--")
     assert err == f"gaitopt: {name}: not with --resume, which takes it from {finished}\n"
+
+
+def test_a_run_of_another_version_is_refused_unless_it_is_finished(
+    gaitopt: Run, finished: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(finished, folder)
+    made = tomllib.loads((folder / "run.toml").read_text())
+    for name in ("gaitopt", "mujoco", "numpy"):
+        assert made[name] == version(name)
+        (folder / "run.toml").write_text(tomli_w.dumps(made | {name: "0.0.1"}))
+        assert gaitopt("optimise", folder, "--resume", folder, "--json")[0] == 0
+        (folder / "summary.json").rename(tmp_path / "summary.json")
+        code, out, err = gaitopt("optimise", folder, "--resume", folder)
+        said = f"{name}: found '0.0.1'; allowed: {version(name)}, the version here, to go on"
+        assert (code, out, err) == (1, "", f"gaitopt: {folder / 'run.toml'}: {said}\n")
+        (tmp_path / "summary.json").rename(folder / "summary.json")
 
 
 def test_resume_with_a_changed_parameter_is_refused(gaitopt: Run, finished: Path) -> None:

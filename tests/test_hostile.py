@@ -1,6 +1,7 @@
 """Hostile and broken files, one by one: what the fuzz found, extremes, what strangers' files may not do."""
 
 import ast
+import errno
 import json
 import os
 import shutil
@@ -22,7 +23,7 @@ from gaitopt.calibration import Calibration
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.importers import Options, import_file, import_files
 from gaitopt.errors import GaitoptError
-from gaitopt.files import filling, inside, read_json, read_toml, write_text
+from gaitopt.files import inside, read_json, read_toml, write_text
 from gaitopt.gait import Channel, Gait, read_gait, write_gait
 from gaitopt.model import build_model, carrying, model_assets
 from gaitopt.optimise.evaluator import Evaluator, Setting
@@ -191,19 +192,35 @@ def test_a_gait_called_as_the_data_set_itself_is_not_overwritten(tmp_path: Path)
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("existed", [True, False])
+@pytest.mark.parametrize("why", ["name", "disk"])
 def test_what_cannot_become_a_problem_leaves_nothing_behind(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    why: str,
+    existed: bool,
 ) -> None:
-    problem_folder(tmp_path / "robot", STRIDER)
-    mjcf = edited(tmp_path / "robot" / "strider.xml", 'name="pitch" type="hinge"', 'name="pitch" type="ball"')
-    (tmp_path / "out").mkdir()
-    for out in (tmp_path / "out", tmp_path / "fresh"):
-        before = out.exists()
-        with pytest.raises(ZeroDivisionError), filling(out):  # noqa: PT012
-            shutil.copy(mjcf, out)
-            raise ZeroDivisionError
-        assert out.exists() is before
-        assert not (before and list(out.iterdir()))
+    """Once everything is copied, over a name that no problem may have, or in a copy, when the disk is full."""
+    mjcf, out = problem_folder(tmp_path / "robot", STRIDER) / "strider.xml", tmp_path / "out"
+    if why == "name":
+        edited(mjcf, 'site name="nose"', 'site name="no&#x202e;se"')
+        said = "roles.marker: found 'no\\u202ese'; allowed: a name without control characters"
+    else:
+        said = "cannot be written: No space left on device"
+
+        def full(source: Path, target: Path) -> None:
+            target.write_bytes(source.read_bytes()[:100])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        monkeypatch.setattr(shutil, "copyfile", full)
+    if existed:
+        out.mkdir()
+    code, err = run(capsys, "new", "bot", "--mjcf", mjcf, "--out", out)
+    assert code == 1
+    assert said in err
+    assert out.exists() is existed
+    assert not (existed and list(out.iterdir()))
 
 
 @pytest.fixture
