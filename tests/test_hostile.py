@@ -201,7 +201,7 @@ def test_what_cannot_become_a_problem_leaves_nothing_behind(
     why: str,
     existed: bool,
 ) -> None:
-    """Once everything is copied, over a name that no problem may have, or in a copy, when the disk is full."""
+    """Once all is copied, over a name that no problem may have, or in a copy, when the disk is full."""
     mjcf, out = problem_folder(tmp_path / "robot", STRIDER) / "strider.xml", tmp_path / "out"
     if why == "name":
         edited(mjcf, 'site name="nose"', 'site name="no&#x202e;se"')
