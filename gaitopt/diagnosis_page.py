@@ -42,6 +42,7 @@ def write_page(
     folder: Path,
     problem: Problem,
     diagnosis: Diagnosis,
+    corrected: Problem | None,
     walked: Sequence[Walked],
     executor: Executor | None,
     full: bool = False,
@@ -52,12 +53,12 @@ def write_page(
         folder: its run folder.
         problem: the nominal problem.
         diagnosis: the diagnosis.
+        corrected: the problem with the most probable effect switched on, blamed or not; None without one.
         walked: gaits of the nominal and of the corrected robot.
         executor: where trials of the corrected robot are simulated; None to leave them out.
         full: add what takes longer: a film of the robot beside the measured marker.
     """
     content = diagnosis.to_dict()
-    corrected = _corrected(problem, diagnosis)
     after = _after(corrected, diagnosis, executor) if corrected and executor else None
     films, notes = _film(folder, problem, corrected, diagnosis) if full else ([], [])
     page = Page(
@@ -86,12 +87,6 @@ def write_page(
         ],
     )
     write_into(folder, "report.html", lambda file: write_text(file, page.html()))
-
-
-def _corrected(problem: Problem, diagnosis: Diagnosis) -> Problem | None:
-    """Return the problem with the most probable effect switched on, blamed or not; None without one."""
-    best = diagnosis.found.best if diagnosis.found else None
-    return problem.with_effects(best.settings) if best else None
 
 
 def _after(corrected: Problem, diagnosis: Diagnosis, executor: Executor) -> list[Aligned] | None:

@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from gaitopt.correction import Walked, walked_gaits
+from gaitopt.correction import walked_gaits
 from gaitopt.diagnose.blind import NOMINAL_FOLDER
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.diagnosis import Diagnosis, diagnose
@@ -93,28 +93,18 @@ def write_diagnosis(
     Raises:
         GaitoptError: a file cannot be written.
     """
-    walked: list[Walked] = []
-    corrected = corrected_problem(problem, diagnosis)
-    best = diagnosis.found.best if diagnosis.found is not None else None
-    if best is not None and executor is not None:
-        walked = walked_gaits(problem, problem.with_effects(best.settings), executor)
+    found = diagnosis.found
+    corrected = problem.with_effects(found.best.settings) if found and found.best else None
+    walked = walked_gaits(problem, corrected, executor) if corrected and executor else []
     content = diagnosis.to_dict() | {"answer": answer(diagnosis), "explanation": explanation(diagnosis)}
     content["corrected"] = [row.to_dict() for row in walked]
     model = nominal_mjcf(problem)
     write_problem(folder, problem, model)
-    if corrected is not None:
+    if corrected and found and found.causes:
         text = corrected.to_toml("model.xml")
         write_into(folder, CORRECTED_FILE, lambda file: write_text(file, text))
     if diagnosis.experiment is not None:
         gait = diagnosis.experiment.gait
         write_into(folder, NEXT_FILE, lambda file: write_gait(file, gait))
-    write_page(folder, problem, diagnosis, walked, executor, full)
+    write_page(folder, problem, diagnosis, corrected, walked, executor, full)
     write_into(folder, "diagnosis.json", lambda file: write_text(file, to_json(content)))
-
-
-def corrected_problem(problem: Problem, diagnosis: Diagnosis) -> Problem | None:
-    """Return the problem with the cause that was found switched on; None where none was."""
-    found = diagnosis.found
-    if found is None or found.best is None or not found.causes:
-        return None
-    return problem.with_effects(found.best.settings)

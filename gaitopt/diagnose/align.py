@@ -58,6 +58,12 @@ def is_marker(signal: str) -> bool:
     return signal.startswith("marker.")
 
 
+def square_apart(one: Trajectory, other: Trajectory, signal: str) -> float:
+    """Return the mean squared difference of a signal, the marker's origin removed, m² or rad²."""
+    apart = one[signal] - np.interp(one.time, other.time, other[signal])
+    return float(apart.var() if is_marker(signal) else np.mean(apart**2))
+
+
 def align(trial: Trial, simulated: Trajectory) -> Aligned:
     """Return a trial beside a prediction, its nuisances fitted.
 

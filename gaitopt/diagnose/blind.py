@@ -16,7 +16,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.align import is_marker
+from gaitopt.diagnose.align import is_marker, square_apart
 from gaitopt.diagnose.hypotheses import Hypothesis, hypotheses
 from gaitopt.diagnose.nuisances import nuisance_robots, with_small_errors
 from gaitopt.diagnose.outside import OUTSIDE, Figures, disturbed
@@ -147,11 +147,7 @@ def _length(gait: Gait, seconds: float) -> float:
 
 def _gap(one: Trajectory, other: Trajectory) -> float:
     """Return the RMS distance of two markers, origins removed, m."""
-    total = 0.0
-    for axis in "xyz":
-        apart = one[f"marker.{axis}"] - np.interp(one.time, other.time, other[f"marker.{axis}"])
-        total += float(apart.var())
-    return math.sqrt(total)
+    return math.sqrt(sum(square_apart(one, other, f"marker.{axis}") for axis in "xyz"))
 
 
 @dataclass(frozen=True)
@@ -216,8 +212,7 @@ def _single(
 ) -> tuple[Callable[[float], Draw], np.random.Generator]:
     of_name = [h for h in made.rivals if h.effect.name == name]
     chosen = of_name[int(rng.integers(len(of_name)))]
-    sides = [bound for bound in (chosen.low, chosen.high) if abs(bound - chosen.neutral) > 1e-9]
-    bound = sides[int(rng.integers(len(sides)))]
+    bound = chosen.sides[int(rng.integers(len(chosen.sides)))]
 
     def at(size: float) -> Draw:
         return Draw("single", ((chosen, chosen.neutral + size * (bound - chosen.neutral)),))
@@ -295,11 +290,7 @@ def _in_floors(made: Maker, paths: Mapping[str, Trajectory], others: Mapping[str
         other = others[name]
         if path.status != "ok" or other.status != "ok":
             return math.inf
-        angles = [
-            float(np.sqrt(np.mean((path[s] - np.interp(path.time, other.time, other[s])) ** 2)))
-            for s in made.signals
-            if not is_marker(s)
-        ]
+        angles = [math.sqrt(square_apart(path, other, s)) for s in made.signals if not is_marker(s)]
         ratios += [_gap(path, other) / made.floors[name], *(a / _JOINT_FLOOR_RAD / 3.0 for a in angles)]
     return max(ratios)
 

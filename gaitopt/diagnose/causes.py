@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,7 @@ class Causes:
         others = [r for r in firsts.values() if r not in named]
         return (named + others)[: max(2, len(named))][:5]
 
-    @property
+    @cached_property
     def effects(self) -> list[dict[str, Any]]:
         """Rows of ``effects``: one for each effect, with its most probable target."""
         rows: dict[str, dict[str, Any]] = {}

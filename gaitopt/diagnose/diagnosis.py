@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from gaitopt.diagnose.align import Aligned, align, is_marker, pooled_marker_rms
@@ -141,7 +142,7 @@ class Diagnosis:
             return located
         return _gap_row(self.found.gap)
 
-    @property
+    @cached_property
     def gap_by_trial(self) -> list[dict[str, Any]]:
         """The same of each trial; none where nothing was fitted."""
         rows = []

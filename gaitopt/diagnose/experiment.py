@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from gaitopt.diagnose.align import square_apart
 from gaitopt.diagnose.evidence import Rival
 from gaitopt.diagnose.nuisances import nuisance_robots
 from gaitopt.diagnose.predict import gait_key
@@ -139,7 +140,5 @@ def _path(robot: Simulator, gait: Gait) -> Trajectory:
 
 
 def _apart(one: Trajectory, other: Trajectory, signal: str) -> float:
-    """Return the RMS difference of a signal, the marker's origin removed, m or rad."""
-    apart = one[signal] - np.interp(one.time, other.time, other[signal])
-    square = float(apart.var()) if signal.startswith("marker.") else float(np.mean(apart**2))
-    return math.sqrt(square)
+    """Return the RMS difference of a signal, m or rad."""
+    return math.sqrt(square_apart(one, other, signal))

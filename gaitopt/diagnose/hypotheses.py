@@ -75,19 +75,19 @@ class Hypothesis:
         other until that looks better.
         """
         if self.effect.observe is not None:
-            return self._at(self._sides, _OBSERVED)
-        return self._at(self._sides[-1:], (_SCREENED,))
+            return self._at(self.sides, _OBSERVED)
+        roomy = sorted(self.sides, key=lambda bound: abs(bound - self.neutral))[-1:]
+        return self._at(roomy, (_SCREENED,))
 
     @property
     def far(self) -> list[float]:
         """Coordinates of the second starts; none where the first try was dense."""
-        return self._at(self._sides, (_FAR,)) if self.effect.observe is None else []
+        return self._at(self.sides, (_FAR,)) if self.effect.observe is None else []
 
     @property
-    def _sides(self) -> list[float]:
-        """Bounds other than neutral, the nearer first."""
-        sides = [bound for bound in (self.low, self.high) if abs(bound - self.neutral) > 1e-9]
-        return sorted(sides, key=lambda bound: abs(bound - self.neutral))
+    def sides(self) -> list[float]:
+        """Bounds other than neutral."""
+        return [bound for bound in (self.low, self.high) if abs(bound - self.neutral) > 1e-9]
 
     def _at(self, bounds: Sequence[float], shares: Sequence[float]) -> list[float]:
         return sorted(self.neutral + s * (bound - self.neutral) for bound in bounds for s in shares)
