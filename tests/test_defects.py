@@ -215,3 +215,14 @@ def test_noise_is_estimated_under_motion(noise, seed):
     time = np.arange(0.0, 20.0, 1.0 / FPS)
     series = 100.0 * noise * time + noise * np.random.default_rng(seed).standard_normal(len(time))
     assert noise_of(series) == pytest.approx(noise, rel=0.25)
+
+
+@pytest.mark.parametrize(("begin", "found"), [(7.0, ["clock_rounding"]), (10.0, [])])
+def test_a_few_steps_at_even_times_are_no_evidence_of_a_rounded_clock(begin, found):
+    """A square wave's own edges lie on a grid, and three cells of a smooth walk may look stepped."""
+    trial = recorded(fps=60.0, noise_m=0.0)
+    true = np.arange(0.0, 12.0, 1.0 / 60.0)
+    shown = np.where(true >= begin, 0.2 * np.round(true / 0.2), true)
+    drawn = np.interp(trial.time, shown + 1e-6 * np.arange(len(true)), steps(true))
+    cleaned = clean(Trial.of("walk", GAIT, trial.time, {"marker.x": drawn}), GAIT.period_s)
+    assert [defect.name for defect in cleaned.defects] == found

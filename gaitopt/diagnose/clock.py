@@ -21,9 +21,10 @@ _STRETCH = 12
 """Fewer steps than this tell nothing."""
 
 _LINE = 0.2
-_CELL_STEPPED, _STEPPED, _CELLS = 0.6, 0.7, 3
+_CELL_STEPPED, _STEPPED, _CELLS, _IN_A_ROW = 0.6, 0.7, 6, 3
 """A curve is stepped if this much of its motion lies within `_LINE` of a grid's lines: in each cell, and in
-all; a smooth one has 0.4. So many cells in a row must show it."""
+all; a smooth one has 0.4. So many cells must show it, and so many of them in a row: gaits have edges on a
+grid too, and three cells of a smooth walk may look like this."""
 
 _MOVING = 0.05
 """A cell moves if it moves by this share of what a cycle goes through."""
@@ -131,7 +132,8 @@ def _stepped_from(trial: Trial, name: str, grid: float) -> float | None:
     smooth = np.flatnonzero(at_line[moving] <= _CELL_STEPPED * whole[moving])
     tail = moving[smooth[-1] + 1 :] if len(smooth) else moving
     in_a_row = int((np.diff(tail) == 1).sum()) + 1
-    if in_a_row < _CELLS or at_line[tail].sum() < _STEPPED * whole[tail].sum():
+    few = len(tail) < _CELLS or in_a_row < _IN_A_ROW
+    if few or at_line[tail].sum() < _STEPPED * whole[tail].sum():
         return None
     return float((tail[0] + first - 0.5) * grid)
 
