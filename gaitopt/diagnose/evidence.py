@@ -102,7 +102,7 @@ def single(fit: Fit) -> Rival:
     """Return the rival of one effect."""
     bench = fit.bench
     held_out, apart = np.empty(bench.count), fit.between("apart").copy()
-    for fold, weights in _left_out(bench):
+    for fold, weights in bench.left_out:
         held_out[fold] = fit.loss(weights)[fold]
         hidden = np.isin(bench.sample_blocks, fold)
         apart[hidden] = fit.between("apart", weights)[hidden]
@@ -114,37 +114,17 @@ def single(fit: Fit) -> Rival:
 def double(pair: PairFit) -> Rival:
     """Return the rival of two effects."""
     bench = pair.fits[0].bench
-    point = pair.best_point
+    point = pair.best()
     held_out, apart = np.empty(bench.count), point.apart.copy()
-    for fold, weights in _left_out(bench):
-        moved = pair.residual("whitened", weights)
-        held_out[fold] = bench.losses(moved, moved)[fold]
+    for fold, weights in bench.left_out:
+        other = pair.best(weights)
+        held_out[fold] = bench.losses(other.whitened, other.whitened)[fold]
         hidden = np.isin(bench.sample_blocks, fold)
-        apart[hidden] = _between(pair, point.at + pair.step(weights))[hidden]
+        apart[hidden] = other.apart[hidden]
     at = tuple(point.at.tolist())
     prior = sum(_bounded(f.hypothesis.log_prior(a)) for f, a in zip(pair.fits, at, strict=True))
     seen = bench.losses(point.whitened, point.whitened)
     return Rival(pair.fits, at, seen, held_out, point.whitened, apart, prior, pair)
-
-
-def _between(pair: PairFit, at: Array) -> Array:
-    """Return the marker's residuals at a pair of coordinates, mixed from the simulated pairs."""
-    span = np.array([f.hypothesis.high - f.hypothesis.low for f in pair.fits])
-    known = np.stack([np.append(p.at / span, 1.0) for p in pair.points], axis=1)
-    shares, *_ = np.linalg.lstsq(known, np.append(at / span, 1.0), rcond=1e-6)
-    shares = shares / shares.sum()
-    mixed: Array = np.stack([p.apart for p in pair.points], axis=1) @ shares
-    return mixed
-
-
-def _left_out(bench: Bench) -> list[tuple[NDArray[np.intp], Array]]:
-    """Return each fold with the weights of the blocks that its fit may see."""
-    pairs = []
-    for fold in bench.folds:
-        weights = np.ones(bench.count)
-        weights[fold] = 0.0
-        pairs.append((fold, weights))
-    return pairs
 
 
 def _bounded(log_prior: float) -> float:
