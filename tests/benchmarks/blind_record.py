@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import subprocess
 import time
 from collections.abc import Callable
@@ -26,6 +27,7 @@ import numpy as np
 from gaitopt.diagnose.blind import Maker, kinds_of, make_case, maker
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.diagnosis import diagnose
+from gaitopt.diagnose.evidence import ALIKE
 from gaitopt.diagnose.hypotheses import RECORD_DEFECTS
 from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.outside import OUTSIDE
@@ -161,8 +163,7 @@ def write_record(out: Path, plan: str, cases: list[Case], record: dict[str, Any]
     """Write the record, each case's row, the confusion matrix and the calibration plot."""
     out.mkdir(parents=True, exist_ok=True)
     versions = sorted({str(c.diagnosis.get("version")) for c in cases})
-    cost = [c.diagnosis["cpu_s"] for c in cases if c.diagnosis["effects"] and c.diagnosis["cpu_s"]]
-    more = {"versions": versions, "median_cpu_s": float(np.median(cost)) if cost else None}
+    more = {"versions": versions, "cost": _cost(cases), "alike": alike(cases)}
     write_text(out / f"{plan}.json", to_json(record | more))
     lines = [
         "| case | planted | gap, floors | verdict | blamed | not to be told from it | other |",
@@ -174,9 +175,55 @@ def write_record(out: Path, plan: str, cases: list[Case], record: dict[str, Any]
             f"{row['verdict']} | {', '.join(row['causes']) or '–'} | "
             f"{', '.join(row['ambiguous_with']) or '–'} | {row['other_probability'] or 0.0:.2f} |"
         )
-    write_text(out / f"{plan}.md", "\n".join([*(f"- {s}" for s in sentences(record)), "", *lines]) + "\n")
+    pairs = ["| planted | other | cases | angle, degrees | both named |", "|---|---|---|---|---|"]
+    for row in more["alike"]:
+        low, high = row["angle_deg"]
+        angles = f"{low:.1f} to {high:.1f}"
+        pairs.append(f"| {row['planted']} | {row['other']} | {row['cases']} | {angles} | {row['named']} |")
+    parts = [*(f"- {s}" for s in sentences(record)), "", *lines, "", *pairs]
+    write_text(out / f"{plan}.md", "\n".join(parts) + "\n")
     _confusion(out / f"{plan}-confusion.png", cases)
     _calibration(out / f"{plan}-calibration.png", record)
+
+
+def _cost(cases: list[Case]) -> dict[str, dict[str, float]]:
+    """Return medians and largest of wall and core seconds, by kind of case."""
+    cost = {}
+    for kind in dict.fromkeys(case.kind for case in cases):
+        of_kind = [case.diagnosis for case in cases if case.kind == kind]
+        cost[kind] = {
+            f"{name}_{key}": float(number([row[key] for row in of_kind]))
+            for key in ("wall_s", "cpu_s")
+            for name, number in (("median", np.median), ("largest", np.max))
+        }
+    return cost
+
+
+def alike(cases: list[Case]) -> list[dict[str, Any]]:
+    """Return which effects have the planted one's signature, by the angle between the whitened changes.
+
+    The angle is that to the first rival's signature, so of cases in which the planted effect is the first.
+    """
+    found: dict[tuple[str, str], list[tuple[float, bool]]] = {}
+    for case in cases:
+        if case.kind != "single" or case.top not in case.planted:
+            continue
+        for row in case.diagnosis["effects"]:
+            if row["name"] not in case.planted and row["alike"] >= ALIKE:
+                angle = math.degrees(math.acos(min(1.0, row["alike"])))
+                entry = (angle, row["name"] in case.answer)
+                found.setdefault((case.planted[0], row["name"]), []).append(entry)
+    rows = [
+        {
+            "planted": planted,
+            "other": other,
+            "cases": len(entries),
+            "angle_deg": [min(a for a, _ in entries), max(a for a, _ in entries)],
+            "named": sum(named for _, named in entries),
+        }
+        for (planted, other), entries in found.items()
+    ]
+    return sorted(rows, key=lambda row: float(np.mean(row["angle_deg"])))
 
 
 def _confusion(path: Path, cases: list[Case]) -> None:
