@@ -34,7 +34,7 @@ REMEDIES = {
     "geoms and for springs that are not at rest.",
     "inert_parameter": "Make the parameter reach what it is meant to change, or take it out: whoever sets it "
     "believes a number that does nothing.",
-    "diverged": "Take a smaller timestep, an implicit integrator, or softer contacts.",
+    "diverged": "Take a smaller timestep, an implicit integrator, or softer or fewer contacts.",
     "self_collision": "Exclude pairs of parts that are meant to touch, and move apart those that are not.",
     "airtime": "A crawler does not fly: look for servos without a torque limit, masses and lengths in wrong "
     "units, and contacts that throw.",

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from helpers import STRIDER, edited, problem_folder, same_bits
 
-from gaitopt import cli
+from gaitopt import cli, rollout
 from gaitopt.errors import GaitoptError
-from gaitopt.gait import Gait
+from gaitopt.gait import Gait, write_gait
 from gaitopt.model import build_model
 from gaitopt.optimise import evaluator
 from gaitopt.optimise.evaluator import Evaluator, Setting
@@ -190,3 +190,100 @@ def test_a_slow_rollout_changes_nothing(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(evaluator, "assess", slowly)
     assert statuses(problem, 3) == quick
     assert slept
+
+
+# --- a rollout that takes a hundred times as long ---------------------------------------------
+
+STALLED = "stalled: over 100 times the work of standing still"
+
+
+def studded(folder: Path, side: int = 30) -> Path:
+    """A strider with nine hundred studs under its trunk, which some gaits set down and others do not.
+
+    Set down, a step takes 1.1 ms and not 6 us.
+    """
+    problem_folder(folder, STRIDER)
+    places = [(x, y) for x in np.linspace(-0.01, 0.01, side) for y in np.linspace(-0.055, 0.055, side)]
+    stud = '<geom size="0.001" pos="{:.4f} {:.4f} -0.026" mass="0" contype="1" conaffinity="0"/>'
+    site = '<site name="nose"'
+    edited(folder / "strider.xml", site, "".join(stud.format(x, y) for x, y in places) + site)
+    return folder
+
+
+def test_a_rollout_a_hundred_times_slower_is_a_status_and_its_siblings_go_on(tmp_path: Path) -> None:
+    problem = load_problem(studded(tmp_path / "robot"))
+    found = statuses(problem, 3)
+    assert found == ["ok", STALLED, "ok"]
+    assert found == statuses(problem, 3)
+
+
+def test_what_stalls_keeps_its_last_good_values_and_leaves_the_next_one_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rollout, "_CHUNK", 50)
+    problem = load_problem(studded(tmp_path / "robot"))
+    gaits = [problem.space.decode(point) for point in quasi_random(problem.space, 3, 1)]
+    simulator = Simulator.build(problem)
+    _, stalled, after = [simulator.run(gait) for gait in gaits]
+    assert stalled.status == STALLED
+    path = stalled["marker.y"]
+    assert np.isfinite(path).all()
+    assert (path[-40:] == path[-1]).all()
+    assert len(path) == len(stalled.time)
+    assert same_bits(after, Simulator.build(problem).run(gaits[2]))
+
+
+def test_a_robot_whose_effects_run_along_stalls_too(tmp_path: Path) -> None:
+    problem = load_problem(studded(tmp_path / "robot")).with_effects({"servo_sag": {"share_lost": 0.1}})
+    assert set(statuses(problem, 2)) == {"ok", STALLED}
+
+
+def test_a_study_counts_what_stalled_and_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rollout, "_MOST_WORK", 3.0)
+    folder, out = studded(tmp_path / "robot", 10), tmp_path / "out"
+    arguments = ("--budget", 12, "--out", out, "--quiet", "--no-warm-start", "--workers", 1)
+    assert here("optimise", folder, *arguments) == 0
+    stalled = [
+        entry.evaluation.status
+        for entry in Journal(out / "evaluations.csv", load_problem(folder)).entries
+        if entry.evaluation.status.startswith("stalled: over 3 times the work of standing still")
+    ]
+    assert stalled
+    note = f"{len(stalled)} of 12 gaits failed in simulation: {stalled[0]} ({len(stalled)})"
+    assert note in json.loads((out / "summary.json").read_text())["notes"]
+    assert note in (out / "report.html").read_text().replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_a_sweep_says_what_stalled(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rollout, "_MOST_WORK", 3.0)
+    folder = studded(tmp_path / "robot", 10)
+    problem = load_problem(folder)
+    gait = problem.space.decode(quasi_random(problem.space, 2, 1)[1])
+    write_gait(tmp_path / "gait.toml", gait)
+    arguments = ("--over", f"period_s={gait.period_s}", "--json", "--out", tmp_path / "out")
+    assert here("sweep", folder, tmp_path / "gait.toml", *arguments) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["status"] for row in rows] == ["stalled: over 3 times the work of standing still"]
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 5000])
+def test_looking_at_the_work_changes_no_bit(chunk: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = load_problem(STRIDER)
+    usual = Simulator.build(problem).run(problem.baselines["stride"])
+    monkeypatch.setattr(rollout, "_CHUNK", chunk)
+    assert same_bits(usual, Simulator.build(problem).run(problem.baselines["stride"]))
+
+
+@pytest.mark.parametrize("name", ["arcfold", "arcfold-published", str(STRIDER)])
+def test_no_gait_of_the_robots_here_comes_near_the_limit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take 0.4 to 1.1 times the work of standing still."""
+    monkeypatch.setattr(rollout, "_MOST_WORK", 3.0)
+    problem = load_problem(name)
+    simulator = Simulator.build(problem)
+    gaits = [
+        *problem.baselines.values(),
+        *(problem.space.decode(p) for p in quasi_random(problem.space, 2, 1)),
+    ]
+    assert {simulator.run(gait, duration=0.1).status for gait in gaits} == {"ok"}
