@@ -131,11 +131,15 @@ class Study:
         return self._until - len(self.entries)
 
     def _spread_front(self) -> None:
-        """Look for the cheapest gait, then for the fastest one under each of some limits of its cost."""
+        """Look for the cheapest gait, then for the fastest one under each of some limits of its cost.
+
+        Where there is no front yet, and so no limit on it, the search for the cheapest gait goes on.
+        """
         runs = 1 + pareto.LEVELS
-        self._pursue(pareto.cheapest, self._left // runs, 0)
-        for index, limit in enumerate(pareto.limits(self.entries), 1):
-            self._pursue(pareto.fastest_within(limit), self._left // (runs - index), index)
+        for index in range(runs):
+            limits = pareto.limits(self.entries)
+            aim = pareto.fastest_within(limits[index - 1]) if index and limits else pareto.cheapest
+            self._pursue(aim, self._left // (runs - index), index)
 
     def _pursue(self, aim: pareto.Aim, budget: int, stream: int) -> None:
         """Search for another aim than the problem's, from the gait that so far serves it best."""
