@@ -5,6 +5,7 @@ Compilers and emulators that are not installed are skipped; .ci/run installs the
 
 import ctypes
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -524,6 +525,86 @@ def test_a_million_random_ticks_stay_within_range_and_slew(tmp_path: Path) -> No
     assert [
         int(number) > least for number, least in zip(said[2:10:2], (100_000, 100, 100, 40), strict=True)
     ] == 4 * [True]
+
+
+GOOD = (-1, 1500, 500, 2500, 0)
+IN_ANY_LANGUAGE = [
+    ((0, 20_000, (GOOD,), (1500,)), "PERIOD_US: found 0; allowed: 1 to 4294967295"),
+    ((1_000_000, 0, (GOOD,), (1500,)), "FRAME_US: found 0; allowed: 1 to 4294967295"),
+    ((1_000_000, 20_000, ((-1, 1500, 0, 2500, 0),), (1500,)), "SERVOS: min: found 0; allowed: 1 to 2500"),
+    ((1_000_000, 20_000, ((-1, 1500, 9, 8, 0),), (1500,)), "SERVOS: min: found 9; allowed: 1 to 8"),
+    ((1_000_000, 20_000, (GOOD,), ()), "PULSES_US: number of rows: found 0; allowed: 1 to 65535"),
+]
+MALFORMED = [
+    *IN_ANY_LANGUAGE,
+    ((float("nan"), 20_000, (GOOD,), (1500,)), "PERIOD_US: found nan; allowed: 1 to 4294967295"),
+    ((1 << 32, 20_000, (GOOD,), (1500,)), "PERIOD_US: found 4294967296; allowed: 1 to 4294967295"),
+    ((1_000_000, 2e4, (GOOD,), (1500,)), "FRAME_US: found 20000.0; allowed: 1 to 4294967295"),
+    ((1_000_000, 20_000, (), (1500,)), "SERVOS: number of them: found 0; allowed: 1 to 16"),
+    ((1_000_000, 20_000, 17 * (GOOD,), 17 * (1500,)), "SERVOS: number of them: found 17; allowed: 1 to 16"),
+    (
+        (1_000_000, 20_000, (GOOD[:4],), (1500,)),
+        "SERVOS: found a row of 4; allowed: pin, start, min, max, slew",
+    ),
+    ((1_000_000, 20_000, ((None, *GOOD[1:]),), (1500,)), "SERVOS: pin: found None; allowed: -32768 to 32767"),
+    ((1_000_000, 20_000, ((-1, -9, 500, 2500, 0),), (1500,)), "SERVOS: start: found -9; allowed: 0 to 65535"),
+    (
+        (1_000_000, 20_000, ((-1, 1500, 9, 70_000, 0),), (1500,)),
+        "SERVOS: max: found 70000; allowed: 1 to 65535",
+    ),
+    (
+        (1_000_000, 20_000, ((-1, 1500, 500, 2500, -1),), (1500,)),
+        "SERVOS: slew: found -1; allowed: 0 to 65535",
+    ),
+    ((1_000_000, 20_000, (GOOD, GOOD), (1500, 1600, 1700)), "PULSES_US: found 3 pulses; allowed: rows of 2"),
+    ((1_000_000, 20_000, (GOOD,), (1500, -1)), "PULSES_US: found -1; allowed: 0 to 65535"),
+    ((1_000_000, 20_000, (GOOD,), (1500, float("inf"))), "PULSES_US: found inf; allowed: 0 to 65535"),
+    ((1_000_000, 20_000, (GOOD,), ("1500",)), "PULSES_US: found '1500'; allowed: 0 to 65535"),
+]
+"""Tables that nobody can play, and what a player says of each."""
+
+
+@pytest.mark.parametrize(("made", "said"), MALFORMED)
+def test_a_table_that_cannot_be_played_is_refused_in_python(made: tuple, said: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(said)):
+        Player(*made)
+
+
+def test_a_table_that_cannot_be_played_is_refused_in_micropython(tmp_path: Path) -> None:
+    node = tool("node")
+    if not MICROPYTHON.is_dir():
+        pytest.skip(f"MicroPython as WebAssembly is not installed: npm install --prefix {HERE}")
+    folder = exported(tmp_path, "micropython")
+    main = folder / "main.py"
+    tables = ", ".join(re.sub(r"\b(nan|inf)\b", r"float('\1')", repr(made)) for made, _ in MALFORMED)
+    main.write_text(
+        "from gait_player import Player\n"
+        f"for made in ({tables}):\n"
+        "    try:\n"
+        "        Player(*made)\n"
+        "    except ValueError as error:\n"
+        "        print(error)\n"
+    )
+    printed = run(node, HERE / "micropython.mjs", main, folder / "gait_player.py").splitlines()
+    assert printed == [said for _, said in MALFORMED]
+
+
+def test_what_python_refuses_c_does_not_play(library: ctypes.CDLL) -> None:
+    """Those that C can be given at all: no number of them is a fraction, or out of its type's range."""
+    for made, _ in IN_ANY_LANGUAGE:
+        player = CPlayer(library, *made)
+        player.start(0)
+        assert not player.tick(20_000)
+
+
+def test_a_period_that_is_none_is_refused_while_it_walks() -> None:
+    player = player_of(table())
+    before = player.phase_per_us
+    for period in (-1, 0.5, float("nan"), 1 << 32):
+        with pytest.raises(ValueError, match="period_us: found"):
+            player.set_period(period)  # type: ignore[arg-type]
+    player.set_period(0)
+    assert player.phase_per_us == before
 
 
 def test_half_a_microsecond_is_rounded_up_in_both(library: ctypes.CDLL) -> None:

@@ -10,11 +10,13 @@ up, and a late call skips frames instead of slowing the gait down.
 RAMP_US = 1 << 20  # amplitude from none to full: 1.05 s
 STAGGER_US = 1 << 18  # one servo after another is energised: 0.26 s
 DUTY_BITS = 14  # timer resolution that every ESP32 has at 50 Hz
+MAX_SERVOS = 16
 
 OFF, ENERGISING, WALKING, STOPPING, HOLDING = range(5)
 
 _CLOCK = (1 << 32) - 1
 _CYCLE = (1 << 64) - 1
+_WORD = (1 << 16) - 1
 
 
 def duty(pulse_us: int, frame_us: int) -> int:
@@ -27,6 +29,41 @@ def _blend(start: int, end: int, weight: int) -> int:
     return (start * (65536 - weight) + end * weight + 32768) >> 16
 
 
+def _check(name: str, value: object, low: int, high: int) -> None:
+    """Refuse what is no whole number of a range: no fraction, no NaN."""
+    if not (isinstance(value, int) and low <= value <= high):
+        raise ValueError(f"{name}: found {value!r}; allowed: {low} to {high}")
+
+
+def check_table(
+    period_us: int,
+    frame_us: int,
+    servos: "tuple[tuple[int, int, int, int, int], ...]",
+    pulses_us: "tuple[int, ...]",
+) -> None:
+    """Refuse a table that cannot be played, as ``gait_init`` does in C.
+
+    Raises:
+        ValueError: a line that says what was found and what is allowed.
+    """
+    _check("PERIOD_US", period_us, 1, _CLOCK)
+    _check("FRAME_US", frame_us, 1, _CLOCK)
+    _check("SERVOS: number of them", len(servos), 1, MAX_SERVOS)
+    for row in servos:
+        if len(row) != 5:
+            raise ValueError(f"SERVOS: found a row of {len(row)}; allowed: pin, start, min, max, slew")
+        _check("SERVOS: pin", row[0], -32768, 32767)
+        _check("SERVOS: start", row[1], 0, _WORD)
+        _check("SERVOS: max", row[3], 1, _WORD)
+        _check("SERVOS: min", row[2], 1, row[3])
+        _check("SERVOS: slew", row[4], 0, _WORD)
+    if len(pulses_us) % len(servos):
+        raise ValueError(f"PULSES_US: found {len(pulses_us)} pulses; allowed: rows of {len(servos)}")
+    _check("PULSES_US: number of rows", len(pulses_us) // len(servos), 1, _WORD)
+    for pulse in pulses_us:
+        _check("PULSES_US", pulse, 0, _WORD)
+
+
 class Player:
     """A table being played.
 
@@ -35,6 +72,9 @@ class Player:
         frame_us: period of the servo signal.
         servos: per servo pin, start, shortest and longest pulse, and largest change per frame (0: none).
         pulses_us: pulses at uniform phases, row after row, one per servo.
+
+    Raises:
+        ValueError: it cannot be played; see `check_table`.
     """
 
     def __init__(
@@ -44,6 +84,7 @@ class Player:
         servos: "tuple[tuple[int, int, int, int, int], ...]",
         pulses_us: "tuple[int, ...]",
     ) -> None:
+        check_table(period_us, frame_us, servos, pulses_us)
         self.frame_us = frame_us
         self.servos = servos
         self.pulses_us = pulses_us
@@ -78,6 +119,7 @@ class Player:
 
     def set_period(self, period_us: int) -> None:
         """Walk faster or slower from here on, without a jump; a period of 0 is ignored."""
+        _check("period_us", period_us, 0, _CLOCK)
         if period_us:
             self.phase_per_us = ((1 << 64) // period_us) & _CYCLE
 
