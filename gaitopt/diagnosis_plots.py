@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from gaitopt.diagnose.align import Aligned, is_marker
 from gaitopt.diagnose.causes import Causes
 from gaitopt.diagnose.diagnosis import Diagnosis, TrialGap
-from gaitopt.diagnose.evidence import intervals
 from gaitopt.diagnose.fitting import Bench
 from gaitopt.diagnose.floor import marker_floor
+from gaitopt.diagnose.precision import intervals
 from gaitopt.diagnose.where import COMPONENTS
 from gaitopt.plots import BEST_COLOUR, COLOURS, finish, legend_below, plain_ticks
 
@@ -134,7 +134,7 @@ def profile(found: Causes) -> Figure:
     figure = Figure(figsize=(_WIDTH, 0.3 + 2.7 * len(best.fits)), layout="constrained")
     grid = figure.subplots(len(best.fits), 1, squeeze=False)[:, 0]
     rows = float(found.bench.rows_of_blocks.sum())
-    ends = intervals(best, found.bench, found.seed)
+    ends = intervals(best, found.bench, found.drawn)
     for axes, fit, at, (low, high) in zip(grid, best.fits, best.at, ends, strict=True):
         h, curve = fit.hypothesis, fit.curve
         values = [h.value(c) for c in curve.at.tolist()]

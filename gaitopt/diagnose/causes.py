@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose import evidence
+from gaitopt.diagnose import evidence, precision
 from gaitopt.diagnose.align import Aligned
 from gaitopt.diagnose.evidence import Gap, Rival
 from gaitopt.diagnose.fitting import Bench, Note, Point, bench, fit_all, fit_pairs, predictions
@@ -73,6 +73,7 @@ class Causes:
         other_probability: how likely the cause is not in the library, or not alone.
         p_value: of the first rival against none.
         gap: on held-out data; None where nothing was fitted.
+        drawn: whitened changes with robots drawn about the first rival, shape (draws, rows).
         seed: seed of what is random.
         robots: robots simulated.
     """
@@ -88,6 +89,7 @@ class Causes:
     other_probability: float
     p_value: float
     gap: Gap | None
+    drawn: NDArray[np.float64]
     seed: int
     robots: int
 
@@ -129,7 +131,7 @@ class Causes:
     def _row(self, rival: Rival, index: int) -> dict[str, Any]:
         fit = rival.fits[index]
         effect, at = fit.hypothesis.effect, rival.at[index]
-        ci90 = evidence.intervals(rival, self.bench, self.seed)[index]
+        ci90 = precision.intervals(rival, self.bench, self.drawn)[index]
         floor = self.gap.floor if self.gap else 0.0
         gap = evidence.gap_of(self.bench, self.nominal, rival, floor, self.seed) if self.gap else None
         return {
@@ -197,7 +199,10 @@ def find_causes(
     ready, nominal = prepared(simulator, trials, floors, executor, seed, memory)
     none = evidence.nothing(ready, nominal)
     if evidence.left(ready, none) <= NO_GAP:
-        return Causes(ready, nominal, none, (), np.empty(0), "no_gap", [], [], 0.0, 1.0, None, seed, 0)
+        nothing = np.empty((0, len(ready.blocks)))
+        return Causes(
+            ready, nominal, none, (), np.empty(0), "no_gap", [], [], 0.0, 1.0, None, nothing, seed, 0
+        )
     known = any(aligned.trial.starts_at_s is not None for aligned in trials)
     active = [setting.effect.name for setting in simulator.effects.settings]
     rivals = hypotheses(simulator.effects.nominal, simulator.problem.channel_names, known, active)
@@ -210,7 +215,7 @@ def find_causes(
     doubles = []
     if _remains(ready, best, none) > LEFT:
         doubles = [evidence.double(pair) for pair in fit_pairs(fits, nominal, executor, note)]
-    return conclude(ready, nominal, none, singles, doubles, floor_m, seed)
+    return conclude(ready, nominal, none, singles, doubles, floor_m, executor, seed)
 
 
 def conclude(
@@ -220,6 +225,7 @@ def conclude(
     singles: Sequence[Rival],
     doubles: Sequence[Rival],
     floor_m: float,
+    executor: Executor,
     seed: int,
 ) -> Causes:
     """Return the answer that the evidence allows."""
@@ -235,7 +241,8 @@ def conclude(
     first = rivals[0]
     chance_alone = evidence.p_value(ready, nominal, singles, none.evidence - first.evidence, seed)
     gap = evidence.gap_of(ready, nominal, first, floor_m, seed)
-    remains = _remains(ready, first, none)
+    drawn = precision.drawn_about(ready, first, executor, seed)
+    remains = _remains(ready, first, none, precision.expected(ready, drawn))
     other = 1.0 / (1.0 + (_OTHER_HALF / max(remains, 1e-9)) ** _OTHER_SLOPE)
     improves = chance_alone <= SIGNIFICANCE and first.held_out.sum() < _IMPROVED * none.held_out.sum()
     quiet = evidence.left(ready, none) <= FAINT_GAP
@@ -251,16 +258,21 @@ def conclude(
         verdict = "ambiguous" if rest else "explained"
     robots = sum(len(r.fits[0].points) for r in singles)
     return Causes(
-        ready, nominal, none, tuple(rivals), chances, verdict, causes, rest, other, chance_alone, gap, seed,
-        robots,
+        ready, nominal, none, tuple(rivals), chances, verdict, causes, rest, other, chance_alone, gap, drawn,
+        seed,        robots,
     )  # fmt: skip
 
 
-def _remains(ready: Bench, rival: Rival, none: Rival) -> float:
-    """Return the mean whitened square left of the worst trial, a small share of the nominal one let pass."""
+def _remains(ready: Bench, rival: Rival, none: Rival, expected: Mapping[int, float] | None = None) -> float:
+    """Return the mean whitened square left of the worst trial, in what a right model would leave.
+
+    A small share of the nominal one passes; and a robot may scatter more with its effect than without:
+    `expected` has what robots about the rival leave.
+    """
     before = evidence.left_by_trial(ready, none)
     after = evidence.left_by_trial(ready, rival)
-    return max(after[t] / max(1.0, _UNLIKE_NOMINAL * before[t]) for t in after)
+    about = expected or dict.fromkeys(after, 0.0)
+    return max(after[t] / max(1.0, _UNLIKE_NOMINAL * before[t], about[t]) for t in after)
 
 
 def _needed(ready: Bench, one: Rival, both: Rival) -> bool:

@@ -21,12 +21,6 @@ Array = NDArray[np.float64]
 TEMPER = 6.0
 """Whitened squares that count as one: what is left of a right model is alike from bin to bin."""
 
-_INTERVAL_TEMPER = 50.0
-"""The same for intervals of parameters: what nobody knows of a robot shifts all cycles alike.
-
-So their scatter says too little of it. The value makes nine in ten intervals of development cases cover.
-"""
-
 PRIOR_WEIGHT = 0.3
 """Weight of the prior of a fitted parameter: bounds and priors are guesses too."""
 
@@ -229,51 +223,6 @@ def cosine(nominal: Point, one: Rival, other: Rival) -> float:
     a, b = nominal.whitened - one.whitened, nominal.whitened - other.whitened
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return abs(float(a @ b)) / size if size > 0.0 else 0.0
-
-
-def intervals(rival: Rival, bench: Bench, seed: int) -> list[tuple[float, float]]:
-    """Return a 90 % interval of each parameter, in its unit.
-
-    Cycles are resampled, trial by trial; and whatever explains the data as well, tempered, belongs to it.
-    """
-    rng = np.random.default_rng([seed, 23])
-    weights = np.stack([resampled(bench.block_trials, rng) for _ in range(_BOOTSTRAPS)])
-    unit = _INTERVAL_TEMPER * max(1.0, float(rival.seen.sum() / bench.rows_of_blocks.sum()))
-    if rival.pair is not None:
-        return _pair_intervals(rival, weights, unit)
-    return [_interval(fit, weights, unit) for fit in rival.fits]
-
-
-def _interval(fit: Fit, weights: Array, unit: float) -> tuple[float, float]:
-    curve = fit.curve
-    fitted = curve.at[np.argmin(weights @ curve.losses, axis=1)]
-    total = curve.losses.sum(axis=0)
-    likely = curve.at[total <= total.min() + 2.71 * unit]
-    low, high = np.quantile(fitted, (0.05, 0.95)).tolist()
-    ends = sorted(
-        fit.hypothesis.value(c) for c in (min(low, float(likely.min())), max(high, float(likely.max())))
-    )
-    return ends[0], ends[1]
-
-
-def _pair_intervals(rival: Rival, weights: Array, unit: float) -> list[tuple[float, float]]:
-    pair = rival.pair
-    if pair is None:
-        return []
-    steps = np.stack([pair.step(row) for row in weights[:100]])
-    curvature = np.linalg.pinv(pair.slopes.T @ pair.slopes)
-    found = []
-    for index, fit in enumerate(rival.fits):
-        low, high = np.quantile(steps[:, index], (0.05, 0.95)).tolist()
-        width = 1.645 * math.sqrt(unit * float(curvature[index, index]))
-        h, at = fit.hypothesis, rival.at[index]
-        found.append(
-            (
-                h.value(max(at + min(low, -width), h.low)),
-                h.value(min(at + max(high, width), h.high)),
-            )
-        )
-    return found
 
 
 def resampled(groups: NDArray[np.intp], rng: np.random.Generator) -> Array:

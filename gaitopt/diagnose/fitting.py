@@ -198,32 +198,37 @@ def simulate(
         at: coordinates to note in the result.
         observed_only: the effects change the measurement alone, so nothing is simulated.
     """
-    if observed_only or bench.memory is None:
-        return _simulate(bench, effects, at, observed_only)
-    name = repr(sorted((effect, sorted(values.items())) for effect, values in effects.items()))
-    known = bench.memory.recall(name)
-    if known is None:
-        point = _simulate(bench, effects, at, observed_only)
-        if point is None:
-            return None
-        known = {"whitened": point.whitened, "apart": point.apart, "angles": point.angles}
-        bench.memory.keep(name, known)
-    return Point(np.array(at, dtype=float), known["whitened"], known["apart"], known["angles"])
-
-
-def _simulate(
-    bench: Bench, effects: Mapping[str, Values], at: Sequence[float], observed_only: bool
-) -> Point | None:
     try:
         problem = bench.problem.with_effects(effects)
         if observed_only:
             active = replace(bench.simulator.effects, settings=problem.effects)
             rng = np.random.default_rng(0)
             return bench.point(at, [active.observe(t, rng) for t in bench.nominal])
-        simulator = Simulator.build(problem, fidelity=bench.simulator.fidelity)
-        return bench.point(at, predictions(simulator, [v.aligned.trial for v in bench.views]))
+        name = repr(sorted((effect, sorted(values.items())) for effect, values in effects.items()))
+        return film(bench, Simulator.build(problem, fidelity=bench.simulator.fidelity), name, at)
     except GaitoptError:
         return None
+
+
+def film(bench: Bench, robot: Simulator, name: str, at: Sequence[float] = ()) -> Point | None:
+    """Return the trials beside a robot, from memory where that has it; None where the simulation fails.
+
+    Args:
+        bench: the trials.
+        robot: the robot.
+        name: what the memory calls the result.
+        at: coordinates to note in the result.
+    """
+    known = None if bench.memory is None else bench.memory.recall(name)
+    if known is not None:
+        return Point(np.array(at, dtype=float), known["whitened"], known["apart"], known["angles"])
+    try:
+        point = bench.point(at, predictions(robot, [v.aligned.trial for v in bench.views]))
+    except GaitoptError:
+        return None
+    if point is not None and bench.memory is not None:
+        bench.memory.keep(name, {"whitened": point.whitened, "apart": point.apart, "angles": point.angles})
+    return point
 
 
 def predictions(simulator: Simulator, trials: Sequence[Trial]) -> list[Trajectory]:
@@ -312,6 +317,14 @@ class Fit:
         low, high = getattr(self.points[left], what), getattr(self.points[left + 1], what)
         mixed: Array = (1.0 - share) * low + share * high
         return mixed
+
+    def product(self, row: Array) -> Array:
+        """Return the inner product of the whitened residual with a row of as many, along the curve."""
+        curve, last = self.curve, len(self.points) - 1
+        products = np.array([float(point.whitened @ row) for point in self.points])
+        along: Array = (1.0 - curve.share) * products[curve.left]
+        along += curve.share * products[np.minimum(curve.left + 1, last)]
+        return along
 
     def faint(self, nominal: Point) -> bool:
         """Whether no simulated set changes much of the nominal residual."""

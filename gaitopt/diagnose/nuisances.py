@@ -20,15 +20,16 @@ HINGE_ERROR = 0.05
 """Relative standard deviation of one hinge's stiffness about the others'."""
 
 
-def nuisance_robots(simulator: Simulator, seed: int, count: int = DRAWS) -> list[Simulator]:
+def nuisance_robots(simulator: Simulator, seed: int, count: int = DRAWS, stream: int = 21) -> list[Simulator]:
     """Return robots with other start poses, masses, hinges and numerics.
 
     Args:
         simulator: the nominal robot.
         seed: seed of the draws.
         count: how many; every second one has half the timestep, every third the other friction cone.
+        stream: stream of their randomness.
     """
-    rng = np.random.default_rng([seed, 21])
+    rng = np.random.default_rng([seed, stream])
     size = simulator.problem.file.scenarios.start_pose_rad
     seeds = rng.integers(2**31, size=count).tolist()
     scenarios = tuple(Scenario(start_pose_rad=size, pose_seed=number) for number in seeds)
