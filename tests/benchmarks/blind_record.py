@@ -4,7 +4,8 @@
     python tests/benchmarks/blind_record.py full --work /tmp/blind-full --out results/blind
     python tests/benchmarks/blind_record.py x-alone --work /tmp/blind-x --out results/blind
 
-What was simulated for a case is kept in the work folder. So where only the conclusions have changed, removing
+Cases share the rollouts that every diagnosis begins with, so all but the first two cost less than a diagnosis
+by itself. What was simulated for a case is kept in the work folder. So where only the conclusions have changed, removing
 WORK/diagnoses and running it again takes seconds a case; where the residuals have, remove WORK/memory too.
 """
 
@@ -23,6 +24,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from shared_rollouts import shared_rollouts
 
 from gaitopt.diagnose.blind import Maker, kinds_of, make_case, maker
 from gaitopt.diagnose.dataset import load_dataset
@@ -31,6 +33,7 @@ from gaitopt.diagnose.evidence import ALIKE
 from gaitopt.diagnose.hypotheses import RECORD_DEFECTS
 from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.outside import OUTSIDE
+from gaitopt.diagnose.predict import gait_key
 from gaitopt.diagnose.scoring import Case, read_cases, score, sentences
 from gaitopt.effects import EFFECTS
 from gaitopt.errors import GaitoptError
@@ -85,7 +88,7 @@ def main() -> None:
     options = parser.parse_args()
     plan = PLANS[options.plan]()
     began, problem = time.monotonic(), load_problem("arcfold")
-    with open_executor("threads", None) as executor:
+    with open_executor("threads", None) as executor, shared_rollouts(longest(problem)):
         made = maker(problem, GAITS, SECONDS, plan.signals, executor)
         for index, (kind, only) in enumerate(plan.cases):
             if time.monotonic() - began > options.until:
@@ -97,6 +100,12 @@ def main() -> None:
     print("\n".join(sentences(record)))
     if options.out:
         write_record(options.out, options.plan, cases, record)
+
+
+def longest(problem: Problem) -> dict[str, float]:
+    """Return how long a diagnosis may have to simulate each gait, s."""
+    gaits = [problem.baselines[name] for name in GAITS]
+    return {gait_key(g): max(SECONDS, 2.1 * g.period_s) + max(g.period_s, 0.3) for g in gaits}
 
 
 def run_case(

@@ -1,0 +1,69 @@
+"""Rollouts shared between blind cases: every diagnosis tries the same robots first, on the same gaits.
+
+What is simulated a second time is kept for the third, a little longer than asked for, since recordings begin
+when they like; and cut to what is asked for it has the same bits as a rollout of its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from gaitopt.diagnose.predict import gait_key
+from gaitopt.effects.active import Active
+from gaitopt.gait import Gait
+from gaitopt.rollout import Simulator
+from gaitopt.trajectory import Trajectory
+
+
+@contextmanager
+def shared_rollouts(longest: Mapping[str, float]) -> Iterator[None]:
+    """Share rollouts within the block.
+
+    Args:
+        longest: for each gait, by `gait_key`, the longest rollout that any case may ask for, s.
+    """
+    own = Simulator.run
+    seen: set[str] = set()
+    kept: dict[str, Trajectory] = {}
+
+    def run(
+        robot: Simulator, gait: Gait, scenario: int = 0, duration: float | None = None, poses: bool = False
+    ) -> Trajectory:
+        most = longest.get(gait_key(gait), 0.0)
+        if duration is None or duration > most or poses or type(robot.effects) is not Active:
+            return own(robot, gait, scenario, duration, poses)
+        key = _key(robot, gait, scenario)
+        if key not in seen:
+            seen.add(key)
+            return own(robot, gait, scenario, duration)
+        if key not in kept:
+            kept[key] = own(robot, gait, scenario, most)
+        if kept[key].status != "ok":
+            return own(robot, gait, scenario, duration)
+        every = max(1, round(1e-3 / robot.fidelity.timestep_s))
+        return _cut(kept[key], len(robot.clock(duration)[::every]))
+
+    Simulator.run = run  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        Simulator.run = own  # type: ignore[method-assign]
+
+
+def _key(robot: Simulator, gait: Gait, scenario: int) -> str:
+    model = robot.models[scenario]
+    content = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, content)
+    said = (robot.scenarios[scenario], robot.effects.settings, robot.fidelity, gait_key(gait))
+    return hashlib.sha256(content.tobytes() + repr(said).encode()).hexdigest()
+
+
+def _cut(path: Trajectory, samples: int) -> Trajectory:
+    signals = {name: series[:samples] for name, series in path.signals.items()}
+    return replace(path, time=path.time[:samples], signals=signals)
