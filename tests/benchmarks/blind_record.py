@@ -5,8 +5,9 @@
     python tests/benchmarks/blind_record.py x-alone --work /tmp/blind-x --out results/blind
 
 Cases share the rollouts that every diagnosis begins with, so all but the first two cost less than a diagnosis
-by itself. What was simulated for a case is kept in the work folder. So where only the conclusions have changed, removing
-WORK/diagnoses and running it again takes seconds a case; where the residuals have, remove WORK/memory too.
+by itself. What was simulated for a case is kept in the work folder: where only the conclusions have changed,
+removing WORK/diagnoses and running it again takes seconds a case; where the residuals have, remove WORK/memory
+too.
 """
 
 from __future__ import annotations
