@@ -6,8 +6,7 @@
 
 Cases share the rollouts that every diagnosis begins with, so all but the first two cost less than a diagnosis
 by itself. What was simulated for a case is kept in the work folder: where only the conclusions have changed,
-removing WORK/diagnoses and running it again takes seconds a case; where the residuals have, remove WORK/memory
-too.
+removing WORK/diagnoses and running it again takes seconds a case; where the residuals have, WORK/memory too.
 """
 
 from __future__ import annotations
