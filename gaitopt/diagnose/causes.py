@@ -276,9 +276,14 @@ def _remains(ready: Bench, rival: Rival, none: Rival, expected: Mapping[int, flo
 
 
 def _needed(ready: Bench, one: Rival, both: Rival) -> bool:
-    """Whether two effects foretell enough more than one."""
-    less = float(both.held_out.sum()) < _PAIR_GAIN * float(one.held_out.sum())
-    return less and evidence.better_by(ready, both, one) > _PAIR_ERRORS
+    """Whether two effects foretell enough more than one, and fit as much better.
+
+    Where a response jumps, one effect may foretell a gait badly that it fits well; a second one does not mend
+    that.
+    """
+    foretold = float(both.held_out.sum()) < _PAIR_GAIN * float(one.held_out.sum())
+    fitted = float(both.seen.sum()) < _PAIR_GAIN * float(one.seen.sum())
+    return foretold and fitted and evidence.better_by(ready, both, one) > _PAIR_ERRORS
 
 
 def _named(

@@ -42,16 +42,27 @@ HOPELESS = (math.inf, 12.0, 6.0, 4.0)
 """In each round, the last for good, a hypothesis that leaves so many times the least loss is given up."""
 
 WELL = 1.25
-"""Mean whitened square of a good fit: where one is found, no second start is tried."""
+"""Mean whitened square of a good fit: where one is found, only the silent get a second start."""
 
 _TOLERANCE = 0.004
 """A parameter nearer to a simulated one than this share of its range need not be simulated again."""
+
+_CLOSE = 0.01
+"""Mean whitened square by which a leading fit may differ from the nearest robot that was simulated."""
+
+_LEADING = 1.5
+"""Fits that leave at most so many times the least loss are finished to `_CLOSE`, in so many rounds:"""
+
+_FINISH = 4
 
 _STRIDE = 0.12
 """Share of the range by which the search goes on beyond its outermost point, until the loss rises."""
 
 _FAINT = 0.3
 """A start that changes less than this share of the nominal residual has not shown what its effect does."""
+
+_SILENT = 0.05
+"""One that changes so little, as a mean whitened square, is a limit not yet reached or will never matter."""
 
 Note = Callable[[str, int, int], None]
 """Called with what is being done, how many robots have been simulated, and how many may be at most."""
@@ -326,10 +337,11 @@ class Fit:
         along += curve.share * products[np.minimum(curve.left + 1, last)]
         return along
 
-    def faint(self, nominal: Point) -> bool:
-        """Whether no simulated set changes much of the nominal residual."""
-        least = _FAINT * float(np.linalg.norm(nominal.whitened))
-        return all(float(np.linalg.norm(p.whitened - nominal.whitened)) < least for p in self.points)
+    def faint(self, nominal: Point, well: bool) -> bool:
+        """Whether no set has shown what the effect does; beside a good fit, whether all are silent."""
+        rows = nominal.whitened
+        least = _SILENT * len(rows) if well else _FAINT**2 * float(rows @ rows)
+        return all(float(np.sum((p.whitened - rows) ** 2)) < least for p in self.points)
 
     def wanted(self) -> float | None:
         """Return the coordinate to simulate next, or None where that would tell nothing new."""
@@ -353,6 +365,14 @@ class Fit:
                     rise = self._total(known[index] + 0.35 * gap)
                     sides.append((rise, known[index] + 0.35 * gap))
         return float(min(sides)[1]) if sides else None
+
+    def unsure(self) -> float | None:
+        """Return the best coordinate where its residual is not yet close to a simulated one."""
+        best, white = self.best(), self.between("whitened")
+        nearest = min(float(np.mean((p.whitened - white) ** 2)) for p in self.points)
+        apart = min(abs(float(p.at[0]) - best) for p in self.points)
+        width = self.hypothesis.high - self.hypothesis.low
+        return best if nearest > _CLOSE and apart > 1e-6 * width else None
 
     def _beyond(self, known: Array, index: int) -> float | None:
         """Return where to look beyond the outermost simulated point if the least loss is about there."""
@@ -423,11 +443,11 @@ def fit_all(
     _simulate_each([(fit, at) for fit in fits for at in fit.hypothesis.screened], executor, count)
     rows = len(nominal.whitened)
     _refine(fits, rows, executor, count)
-    least = min((float(fit.loss().sum()) for fit in fits), default=0.0)
-    if least > WELL * rows:  # what does nothing at first, such as a limit not yet reached
-        far = [(fit, at) for fit in fits if fit.faint(nominal) for at in fit.hypothesis.far]
-        _simulate_each(far, executor, count)
-        _refine(fits, rows, executor, count)
+    well = min((float(fit.loss().sum()) for fit in fits), default=0.0) <= WELL * rows
+    far = [(fit, at) for fit in fits if fit.faint(nominal, well) for at in fit.hypothesis.far]
+    _simulate_each(far, executor, count)
+    _refine(fits, rows, executor, count, HOPELESS[2:])
+    _finish(fits, executor, count)
     return fits
 
 
@@ -445,7 +465,13 @@ class _Count:
         self.note(self.what, self.done, max(self.done, self.most))
 
 
-def _refine(fits: Sequence[Fit], rows: int, executor: Executor, count: _Count) -> None:
+def _refine(
+    fits: Sequence[Fit],
+    rows: int,
+    executor: Executor,
+    count: _Count,
+    hopeless: Sequence[float] = HOPELESS,
+) -> None:
     """Simulate the fits that look best where they look best, in rounds.
 
     Args:
@@ -453,17 +479,29 @@ def _refine(fits: Sequence[Fit], rows: int, executor: Executor, count: _Count) -
         rows: whitened rows: the loss of a right model.
         executor: where robots are simulated.
         count: counts them.
+        hopeless: in each round, the loss at which a hypothesis is given up, in least losses.
     """
     count.add(0, sum(min(most, len(fits)) for most in ROUNDS))
     for number, most in enumerate(ROUNDS):
         losses = [float(fit.loss().sum()) for fit in fits]
-        limit = HOPELESS[min(number, len(HOPELESS) - 1)] * max(min(losses, default=0.0), rows)
+        limit = hopeless[min(number, len(hopeless) - 1)] * max(min(losses, default=0.0), rows)
         ordered = [fits[i] for i in np.argsort(losses, kind="stable") if losses[i] <= limit]
         wanted = [(fit, fit.wanted()) for fit in ordered[:most]]
         work = [(fit, at) for fit, at in wanted if at is not None]
         count.add(0, -min(most, len(fits)))
         if not work:
             count.add(0, -sum(min(later, len(fits)) for later in ROUNDS[number + 1 :]))
+            break
+        _simulate_each(work, executor, count)
+
+
+def _finish(fits: Sequence[Fit], executor: Executor, count: _Count) -> None:
+    """Simulate the leading fits until what is left of them is known, not mixed from two robots far apart."""
+    for _ in range(_FINISH):
+        losses = [float(fit.loss().sum()) for fit in fits]
+        leading = [f for f, loss in zip(fits, losses, strict=True) if loss <= _LEADING * min(losses)]
+        work = [(fit, at) for fit in leading if (at := fit.unsure()) is not None]
+        if not work:
             break
         _simulate_each(work, executor, count)
 

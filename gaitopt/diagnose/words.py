@@ -32,13 +32,13 @@ def answer(diagnosis: Diagnosis) -> str:
         return f"No significant gap: {figures}."
     if diagnosis.verdict == "explained" and not (diagnosis.found and diagnosis.found.causes):
         return f"The gap ({figures}) is in the recordings: {', '.join(diagnosis.causes)}."
-    first = diagnosis.where[0]
     if diagnosis.found is not None and diagnosis.found.rivals:
         return f"{_VERDICTS[diagnosis.verdict].format(*_who(diagnosis))} The gap: {_before_after(gap)}."
-    return (
-        f"There is a gap: {figures}. The largest part of it is {first['component']} of {first['signal']} in "
-        f"trial {first['trial']} ({first['share']:.0%})."
-    )
+    text = f"There is a gap: {figures}."
+    for first in diagnosis.where[:1]:  # nothing where every part of the gap is within the floor
+        part = f"{first['component']} of {first['signal']} in trial {first['trial']}"
+        text += f" The largest part of it is {part} ({first['share']:.0%})."
+    return text
 
 
 _VERDICTS = {
