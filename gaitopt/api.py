@@ -16,13 +16,14 @@ from gaitopt.comparison import compare as _compare
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.diagnosis import diagnose as _diagnose
+from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.words import answer
 from gaitopt.effects import EFFECTS
 from gaitopt.errors import unknown_name
 from gaitopt.files import write_text
 from gaitopt.gait import Channel, Gait, read_gait, write_gait
 from gaitopt.metrics import Metrics, measure
-from gaitopt.model import Robot
+from gaitopt.model import Robot, carrying
 from gaitopt.objective import check_objective
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.journal import Journal
@@ -30,7 +31,7 @@ from gaitopt.optimise.run import DEFAULT_BUDGET, Optimised, Request
 from gaitopt.optimise.run import optimise as _optimise
 from gaitopt.optimise.study import Progress
 from gaitopt.problem import Problem
-from gaitopt.results import RunFolder, summary_of
+from gaitopt.results import RunFolder, check_new, summary_of
 from gaitopt.rollout import Simulator
 from gaitopt.trajectory import Trajectory
 
@@ -94,18 +95,49 @@ def film(
 
 
 def compare(
-    problem: Problem, gaits: Sequence[Gait | str], seed: int = 1, workers: int | None = None
+    problem: Problem,
+    gaits: Sequence[Gait | str],
+    seed: int = 1,
+    workers: int | None = None,
+    out: Path | str | None = None,
 ) -> list[Row]:
-    """Return one row of figures for each gait over the same scenarios, each against the first."""
+    """Return one row of figures for each gait over the same scenarios, each against the first.
+
+    Args:
+        problem: the problem.
+        gaits: gaits, or what `Problem.find_gait` finds by name or path.
+        seed: seed of the scenarios.
+        workers: rollouts at once; all cores by default.
+        out: a new folder for the command's page.
+    """
+    folder = _new_folder(out)
     check_objective(problem)
+    found = [_gait(problem, gait) for gait in gaits]
     with open_executor("threads", workers) as executor:
-        return _compare(problem, [_gait(problem, gait) for gait in gaits], seed, executor)
+        rows = _compare(problem, found, seed, executor)
+    if folder is not None:
+        from gaitopt.report import write_comparison
+
+        write_comparison(folder, problem, found, rows, seed)
+    return rows
 
 
-def audit(problem: Problem, workers: int | None = None) -> list[Finding]:
-    """Return what `gaitopt check` finds."""
+def audit(problem: Problem, workers: int | None = None, out: Path | str | None = None) -> list[Finding]:
+    """Return what `gaitopt check` finds.
+
+    Args:
+        problem: the problem.
+        workers: rollouts at once; all cores by default.
+        out: a new folder for the command's page.
+    """
+    folder = _new_folder(out)
     with open_executor("threads", workers) as executor:
-        return check(problem, executor)
+        findings = check(problem, executor)
+    if folder is not None:
+        from gaitopt.report import write_audit
+
+        write_audit(folder, problem, [finding.to_dict() for finding in findings])
+    return findings
 
 
 def optimise(
@@ -130,7 +162,7 @@ def optimise(
         out: a run folder to write, as the command does; nothing is left behind without it.
         on_progress: called as each batch ends.
     """
-    request = Request(seed, budget, method, warm_start)
+    problem, request = carrying(problem), Request(seed, budget, method, warm_start)
     with open_executor("threads", workers) as executor:
         if out is None:
             with TemporaryDirectory() as folder:
@@ -152,6 +184,7 @@ def diagnose(
     seed: int = 1,
     next_gait: bool = True,
     workers: int | None = None,
+    out: Path | str | None = None,
     on_progress: Callable[[str, int, int], None] = lambda what, done, most: None,
 ) -> Diagnosis:
     """Say where the gap between measured trials and simulation lies, what causes it and what to measure next.
@@ -163,20 +196,39 @@ def diagnose(
         seed: seed of all randomness.
         next_gait: whether to look for the gait to measure next.
         workers: rollouts at once; all cores by default.
+        out: a run folder to write, as the command does; nothing is left behind without it.
         on_progress: called with what is being done, how many robots have been simulated for it, and how many
             may be at most (0 where that is not known).
 
     Raises:
-        GaitoptError: the data set is wrong, or an effect is unknown or none applies.
+        GaitoptError: the data set is wrong, an effect is unknown or none applies, or `out` holds something.
     """
+    folder = _new_folder(out)
     for name in effects or ():
         if name not in EFFECTS:
             raise unknown_name("diagnose", "effect:", name, EFFECTS)
+    problem = carrying(problem)  # its files may change meanwhile
     simulator = Simulator.build(problem)
     trials = load_dataset(Path(dataset), problem, [name for name in simulator.signals if name])
     with open_executor("threads", workers) as executor:
-        return _diagnose(simulator, trials, executor, seed, on_progress, next_gait, effects)
+        if folder is None:
+            return _diagnose(simulator, trials, executor, seed, on_progress, next_gait, effects)
+        from gaitopt.diagnosis_report import diagnosis_folder, write_diagnosis
+
+        with diagnosis_folder(folder, None, problem.name):
+            memory = Memory.of(folder, simulator, trials, seed)
+            found = _diagnose(simulator, trials, executor, seed, on_progress, next_gait, effects, memory)
+            write_diagnosis(folder, problem, found, executor)
+            memory.forget()
+            return found
 
 
 def _gait(problem: Problem, gait: Gait | str) -> Gait:
     return problem.find_gait(gait) if isinstance(gait, str) else problem.check_gait(gait, gait.name or "gait")
+
+
+def _new_folder(out: Path | str | None) -> Path | None:
+    """Return the folder that a job is to write, which must be new or empty."""
+    folder = None if out is None else Path(out)
+    check_new(folder)
+    return folder
