@@ -405,9 +405,11 @@ def _version() -> str:
 
 
 def _load(options: argparse.Namespace) -> Problem:
+    from gaitopt.model import carrying
     from gaitopt.problem import load_problem
 
-    return load_problem(options.problem, dict(options.parameters))
+    # Its files may change while the command runs: they are read once.
+    return carrying(load_problem(options.problem, dict(options.parameters)))
 
 
 def _optimise(options: argparse.Namespace) -> None:
@@ -445,6 +447,7 @@ def _run_search(folder: Any, problem: Problem, request: Any, options: argparse.N
 def _searched(folder: Any, problem: Problem, request: Any, options: argparse.Namespace) -> dict[str, Any]:
     """Do or go on with the work of a run, and return its summary."""
     from gaitopt.display import progress_display
+    from gaitopt.model import carrying
     from gaitopt.optimise.executors import open_executor, working
     from gaitopt.optimise.journal import Journal
     from gaitopt.optimise.run import optimise
@@ -456,6 +459,7 @@ def _searched(folder: Any, problem: Problem, request: Any, options: argparse.Nam
         working(open_executor(options.executor, options.workers)) as executor,
         progress_display(request.budget, quiet=options.quiet or options.json) as display,
     ):
+        problem = carrying(problem)
         optimised = optimise(problem, request, Journal(folder.journal, problem), executor, display)
         asked = options.full and options.sensitivities
         sensitive = sensitivities(problem, optimised.best.gait, request.seed, executor) if asked else []

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import shutil
+import stat
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterator
@@ -35,10 +37,10 @@ def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file.
 
     Raises:
-        GaitoptError: the file is missing, unreadable or not UTF-8.
+        GaitoptError: the file is missing, unreadable or not UTF-8, or changed meanwhile.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return io.TextIOWrapper(io.BytesIO(_content(path)), encoding="utf-8-sig").read()
     except FileNotFoundError:
         raise GaitoptError(f"{path}: no such file") from None
     except UnicodeDecodeError as error:
@@ -51,12 +53,24 @@ def read_bytes(path: Path) -> bytes:
     """Return the content of a file.
 
     Raises:
-        GaitoptError: the file is missing or unreadable.
+        GaitoptError: the file is missing or unreadable, or changed meanwhile.
     """
     try:
-        return path.read_bytes()
+        return _content(path)
     except OSError as error:
         raise GaitoptError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _content(path: Path) -> bytes:
+    """Return what a file holds, all of it from one moment as far as the system tells."""
+    with path.open("rb") as file:
+        before = os.fstat(file.fileno())
+        data = file.read()
+        after = os.fstat(file.fileno())
+    changed = (before.st_mtime_ns, before.st_size) != (after.st_mtime_ns, after.st_size)
+    if stat.S_ISREG(after.st_mode) and (changed or len(data) != after.st_size):
+        raise GaitoptError(f"{path}: it changed while it was read; try again")
+    return data
 
 
 def read_toml(path: Path) -> dict[str, Any]:

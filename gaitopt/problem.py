@@ -330,7 +330,9 @@ class Problem:
         return load_problem(reference, parameters)
 
     @staticmethod
-    def from_file(file: ProblemFile, source: Path, model_path: Path) -> Problem:
+    def from_file(
+        file: ProblemFile, source: Path, model_path: Path, carried: Mapping[str, bytes] | None = None
+    ) -> Problem:
         """Return the problem that a checked file describes.
 
         Raises:
@@ -341,7 +343,7 @@ class Problem:
             channels = baseline.channels or file.baselines[str(baseline.like)].channels or {}
             gaits[name] = Gait(baseline.period_s, channels, name)
         space = GaitSpace(file.gait.period_s, {name: c.space for name, c in file.channels.items()})
-        problem = Problem(file, source, model_path, {}, space)
+        problem = Problem(file, source, model_path, {}, space, carried)
         settings_of(file.effects, file.roles, problem.channel_names, source)
         checked = {n: problem.check_gait(g, f"{source}: baselines.{n}") for n, g in gaits.items()}
         return replace(problem, baselines=checked)
@@ -431,7 +433,7 @@ class Problem:
             if name not in self.file.parameters:
                 raise unknown_name(self.source, "parameter", name, self.file.parameters)
             dumped["parameters"][name] |= {"value": value}
-        return Problem.from_file(validated(ProblemFile, dumped, self.source), self.source, self.model_path)
+        return self._with(validated(ProblemFile, dumped, self.source))
 
     def with_effects(self, effects: Mapping[str, Values]) -> Problem:
         """Return the problem with more effects switched on, or with other values of those that are.
@@ -443,9 +445,16 @@ class Problem:
             GaitoptError: an effect is unknown, wrong or not applicable.
         """
         switched_on = self.file.effects | {name: dict(values) for name, values in effects.items()}
-        return Problem.from_file(
-            self.file.model_copy(update={"effects": switched_on}), self.source, self.model_path
-        )
+        return self._with(self.file.model_copy(update={"effects": switched_on}))
+
+    def with_horizon(self, horizon: Horizon) -> Problem:
+        """Return the problem with another part of its rollouts counted."""
+        simulation = self.simulation.model_copy(update={"horizon": horizon})
+        return self._with(self.file.model_copy(update={"simulation": simulation}))
+
+    def _with(self, file: ProblemFile) -> Problem:
+        """Return the problem with another file's content, and the same model."""
+        return Problem.from_file(file, self.source, self.model_path, self.carried)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the problem's file."""

@@ -1,10 +1,12 @@
 """What several test files need: copies of problem folders, and gaits at their simplest."""
 
+import functools
 import math
 import shutil
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import tomli_w
@@ -64,3 +66,20 @@ def same_numbers(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
     return list(one) == list(other) and all(
         a == b or (math.isnan(a) and math.isnan(b)) for a, b in zip(one.values(), other.values(), strict=True)
     )
+
+
+def brief_studies() -> list[tuple[ModuleType, str, object]]:
+    """What to set in which module so that plans have few starts, studies few samples, figures few pixels."""
+    from gaitopt import check, correction, page, plan  # which most tests have no need to load
+    from gaitopt.diagnose import experiment
+    from gaitopt.optimise import run as search
+
+    brief = functools.partial(plan.PlanSettings, n_samples=6, n_starts=(2, 1, 1), iterations=8)
+    return [
+        *((module, "PlanSettings", brief) for module in (plan, search, correction)),
+        (search, "_SAMPLE", 4),
+        *((experiment, name, few) for name, few in (("SECONDS", 1.0), ("_RANDOM", 1), ("_REFINED", 1))),
+        (correction, "_STARTS", (2, 1, 1)),
+        (check, "_STARTS", 2),
+        (page, "_DPI", 40),
+    ]

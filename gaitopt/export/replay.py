@@ -112,10 +112,7 @@ class _Trial:
         horizon = simulation.horizon.model_copy(
             update={"transient_s": simulation.horizon.transient_s + late_s}
         )
-        file = problem.file.model_copy(
-            update={"simulation": simulation.model_copy(update={"horizon": horizon})}
-        )
-        patient = Problem.from_file(file, problem.source, problem.model_path)
+        patient = problem.with_horizon(horizon)
         starts = [Scenario(start_pose_rad=_START_SPREAD_RAD, pose_seed=seed) for seed in range(_STARTS)]
         return _Trial(patient, table, Simulator.build(patient, starts), executor)
 
