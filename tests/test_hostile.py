@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from gaitopt import cli
 from gaitopt.calibration import Calibration
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.importers import Options, import_file, import_files
+from gaitopt.diagnose.words import answer
 from gaitopt.errors import GaitoptError
 from gaitopt.files import inside, read_json, read_toml, write_text
 from gaitopt.gait import Channel, Gait, read_gait, write_gait
@@ -263,6 +265,15 @@ def test_a_diagnosis_that_was_changed_is_one_line(
     code, err = run(capsys, "diagnose", STRIDER, "none", "--resume", tmp_path)
     assert code == 1
     assert err.startswith(f"gaitopt: {tmp_path / 'diagnosis.json'}: not ")
+
+
+@pytest.mark.parametrize("rivals", [[], ["servo_gain"]])
+def test_a_diagnosis_with_a_gap_of_no_part_has_an_answer(rivals: list[str]) -> None:
+    """Every part of it within the floor: the answer looked for the largest."""
+    gap = {"heldout_before_m": 0.004, "heldout_after_m": 0.004, "floor_m": 0.001, "shrinkage": 0.0}
+    found = SimpleNamespace(rivals=rivals, best=None, causes=[])
+    said = answer(SimpleNamespace(gap=gap, verdict="unexplained", found=found, where=[], causes=[]))  # type: ignore[arg-type]
+    assert "4 mm RMS of the marker" in said
 
 
 def test_a_journal_with_a_coordinate_that_is_no_number_is_one_line(tmp_path: Path) -> None:
