@@ -505,14 +505,14 @@ def _saying_how_to_resume(folder: Any, problem: Problem) -> Iterator[None]:
     """Where Ctrl-C ends a run, say what it has found and how to go on with it."""
     import shlex
 
-    from gaitopt.optimise.journal import Journal
+    from gaitopt.optimise.journal import Journal, at_rung, ranked
 
     try:
         yield
     except KeyboardInterrupt:
         if folder.started:
             entries = Journal(folder.journal, problem).entries
-            best = min(entries, key=lambda entry: entry.evaluation.cost).evaluation
+            best = ranked(at_rung(entries))[0].evaluation
             walks = best.status == "ok"
             found = f"{1e3 * best.metrics['speed_m_s']:.1f} mm/s" if walks else "none that walks"
             path = shlex.quote(str(folder.path))

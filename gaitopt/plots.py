@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gaitopt.gait import Gait
 from gaitopt.metrics import LOADED
 from gaitopt.model import Robot
-from gaitopt.optimise.journal import Entry
+from gaitopt.optimise.journal import WORKING, Entry, at_rung
 from gaitopt.optimise.pareto import FrontGait, speed, transport
 from gaitopt.optimise.sensitivity import Sensitivity
 from gaitopt.problem import Problem
@@ -126,24 +126,26 @@ def convergence(entries: Sequence[Entry], baselines: Mapping[str, float]) -> Fig
     """Draw the speed of every evaluated gait, and of the best so far, against the baselines."""
     figure = Figure(figsize=(_WIDTH, 4.5), layout="constrained")
     axes = figure.subplots()
-    methods = list(dict.fromkeys(entry.method for entry in entries))
-    for index, method in enumerate(methods):
-        chosen = [entry for entry in entries if entry.method == method]
+    groups = list(dict.fromkeys((entry.method, entry.rung) for entry in entries))
+    for index, (method, rung) in enumerate(groups):
+        chosen = [entry for entry in at_rung(entries, rung) if entry.method == method]
         met = np.array([entry.evaluation.constraints_met for entry in chosen])
         number = np.array([entry.index for entry in chosen])
         speed = 1e3 * np.array([entry.evaluation.metrics["speed_m_s"] for entry in chosen])
         planned = method == "plan"
         colour = BEST_COLOUR if planned else COLOURS[index % 5]
         mark, size = ("*", 11) if planned else (_MARKS[index % len(_MARKS)], 3.5)
-        label = "plan (warm start)" if planned else method
+        label = "plan (warm start)" if planned else method + ", lower fidelity" * (rung != WORKING)
         axes.plot(number[met], speed[met], mark, color=colour, markersize=size, label=label, zorder=3)
         bad = "*" if planned else "x"
         axes.plot(
             number[~met], speed[~met], bad, color=colour, markersize=max(size, 4.5), alpha=0.75, mfc="none"
         )
     axes.plot([], [], "kx", markersize=4, label="constraint violated")
-    best = [1e3 * entries[i].evaluation.metrics["speed_m_s"] for i in _leader_index(entries)]
-    axes.step(range(len(best)), best, where="post", color="k", linewidth=1.5, label="best so far")
+    working = at_rung(entries)
+    best = [1e3 * working[i].evaluation.metrics["speed_m_s"] for i in _leader_index(working)]
+    number = np.array([entry.index for entry in working])
+    axes.step(number, best, where="post", color="k", linewidth=1.5, label="best so far")
     for index, (name, speed_m_s) in enumerate(baselines.items()):
         axes.axhline(
             1e3 * speed_m_s, color="0.45", linestyle=STYLES[index % len(STYLES)], linewidth=1.0, label=name

@@ -391,9 +391,20 @@ def _asked(problem: Problem, summary: Mapping[str, Any]) -> dict[str, str]:
         "Limits on": _names(objective.constraints) or "nothing",
         "Search": f"{summary['evaluations']} gaits, method {summary['method']}, started {started}, seed "
         f"{summary['seed']}; {summary['simulated_s']:.0f} s simulated in {summary['wall_s']:.0f} s",
+        "Fidelity ladder": _laddered(summary["fidelity_ladder"]),
         "Verified": f"over {verified['scenarios']} scenarios that the search never saw, at "
         f"{figure(verified['timestep_s'])} s, {verified['integrator']}",
     }
+
+
+def _laddered(rungs: Sequence[Mapping[str, Any]]) -> str:
+    """Return which cheaper rungs were measured, how well they rank and whether they were used."""
+    said = []
+    for rung in rungs:
+        ranks = f"rank correlation {rung['rank_correlation']:.2f}"
+        lower = f"{figure(rung['timestep_s'])} s steps, {figure(rung['measured_s'])} s measured"
+        said.append(f"{rung['name']} ({lower}): {ranks}, {'used' if rung['used'] else 'refused'}")
+    return "; ".join(said) or "none measured, every gait was judged at the working fidelity"
 
 
 def _rule(objective: Objective) -> str:

@@ -231,6 +231,7 @@ def summary_of(problem: Problem, optimised: Optimised) -> dict[str, Any]:
         "baselines": [_row(baseline) for baseline in optimised.baselines],
         "warm_start": _warm_start(optimised),
         "over_scenarios": problem.to_dict()["objective"]["over_scenarios"],
+        "fidelity_ladder": [asdict(rung) for rung in optimised.rungs],
         "pareto": [_front_row(found) for found in optimised.front] if optimised.request.pareto else None,
         "notes": list(optimised.notes),
         "best": _row(best) | {"found_by": optimised.found_by},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,10 +18,16 @@ from gaitopt.metrics import METRICS
 from gaitopt.objective import Evaluation
 from gaitopt.problem import Problem
 
+WORKING = "working"
+"""The rung of what was judged at the problem's working fidelity."""
+
 
 @dataclass(frozen=True)
 class Entry:
-    """One evaluated gait: its number, who proposed it, where it lies, what it was worth."""
+    """One evaluated gait: its number, who proposed it, where it lies, what it was worth, and where judged.
+
+    Costs of different rungs are of different robots: only those of one rung may be compared.
+    """
 
     index: int
     method: str
@@ -29,6 +35,17 @@ class Entry:
     gait: Gait
     evaluation: Evaluation
     simulated_s: float
+    rung: str = WORKING
+
+
+def at_rung(entries: Iterable[Entry], rung: str = WORKING) -> list[Entry]:
+    """Return the entries that were judged on one rung of the fidelity ladder."""
+    return [entry for entry in entries if entry.rung == rung]
+
+
+def ranked(entries: Iterable[Entry]) -> list[Entry]:
+    """Return entries of one rung, the lowest cost first, the earliest of equals."""
+    return sorted(entries, key=lambda entry: (entry.evaluation.cost, entry.index))
 
 
 class Journal:
@@ -46,7 +63,7 @@ class Journal:
         self._metrics = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
         self._constraints = list(problem.file.objective.constraints)
         self.columns = [
-            *("evaluation", "method", "cost", "status", "constraints_met", "simulated_s"),
+            *("evaluation", "method", "cost", "status", "constraints_met", "simulated_s", "rung"),
             *self._metrics,
             *(f"violation.{name}" for name in self._constraints),
             *(f"x.{name}" for name in self._variables),
@@ -64,7 +81,7 @@ class Journal:
     def _row(self, entry: Entry) -> list[str]:
         evaluation = entry.evaluation
         cells = [str(entry.index), entry.method, repr(evaluation.cost), _quoted(evaluation.status)]
-        cells += [str(evaluation.constraints_met).lower(), repr(entry.simulated_s)]
+        cells += [str(evaluation.constraints_met).lower(), repr(entry.simulated_s), entry.rung]
         cells += [repr(evaluation.metrics[name]) for name in self._metrics]
         cells += [repr(evaluation.violations.get(name, 0.0)) for name in self._constraints]
         cells += [repr(value) for value in entry.point.tolist()]
@@ -127,10 +144,8 @@ class Journal:
         point = np.array([float(row[f"x.{name}"]) for name in self._variables])
         if not np.isfinite(point).all():
             raise ValueError("a coordinate that is no number")
-        index = int(row["evaluation"])
-        return Entry(
-            index, row["method"], point, self._space.decode(point), evaluation, float(row["simulated_s"])
-        )
+        gait, simulated_s = self._space.decode(point), float(row["simulated_s"])
+        return Entry(int(row["evaluation"]), row["method"], point, gait, evaluation, simulated_s, row["rung"])
 
 
 def gait_columns(problem: Problem) -> list[str]:

@@ -15,7 +15,8 @@ from gaitopt.errors import GaitoptError
 from gaitopt.gait import Gait
 from gaitopt.objective import check_objective
 from gaitopt.optimise.evaluator import Evaluator, Setting
-from gaitopt.optimise.journal import Entry, Journal
+from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
+from gaitopt.optimise.ladder import Rung
 from gaitopt.optimise.pareto import FrontGait, front_of, thinned, verified_front
 from gaitopt.optimise.study import Progress, Study, quasi_random
 from gaitopt.optimise.verification import SEARCH, SELECTION, Verified, scenarios_of, verify
@@ -61,6 +62,7 @@ class Optimised:
         simulated_s: simulated seconds in all.
         wall_s: seconds it took.
         front: gaits of speed against cost of transport, where they were asked for.
+        rungs: cheaper rungs of the fidelity ladder that were measured; none where that would not pay.
     """
 
     request: Request
@@ -75,6 +77,7 @@ class Optimised:
     simulated_s: float
     wall_s: float
     front: Sequence[FrontGait] = ()
+    rungs: Sequence[Rung] = ()
 
 
 def optimise(
@@ -103,7 +106,7 @@ def optimise(
     if plan is not None and not plan.elites:
         notes += ("no start of the plan converged, so the search is cold",)
     elites = plan.elites if plan else ()
-    study.run(request.method, starts, [elite.gait for elite in elites], request.pareto)
+    study.run(request.method, starts, [elite.gait for elite in elites], request.pareto, laddered=True)
     winner, found_by, selection_s = _select(
         problem, _finalists(study.entries, starts), request.seed, executor
     )
@@ -120,6 +123,7 @@ def optimise(
     simulated += sum(entry.simulated_s for entry in study.entries)
     simulated += sum(verified.simulated_s for verified in [best, *others])
     simulated += sum(gait.verified.simulated_s for gait in front)
+    simulated += sum(rung.simulated_s for rung in study.rungs)
     return Optimised(
         request=request,
         entries=study.entries,
@@ -133,6 +137,7 @@ def optimise(
         simulated_s=simulated,
         wall_s=time.monotonic() - began,
         front=front,
+        rungs=study.rungs,
     )
 
 
@@ -173,8 +178,8 @@ def _failure_notes(
 def _best_elite(entries: Sequence[Entry], elites: Sequence[Elite]) -> Elite | None:
     """Return the planned gait that was fastest in MuJoCo; the first entries are the plan's."""
     speeds = [e.evaluation.metrics["speed_m_s"] for e in entries[: len(elites)] if e.method == "plan"]
-    ranked = sorted(range(len(speeds)), key=lambda i: -speeds[i] if math.isfinite(speeds[i]) else math.inf)
-    return elites[ranked[0]] if ranked else None
+    order = sorted(range(len(speeds)), key=lambda i: -speeds[i] if math.isfinite(speeds[i]) else math.inf)
+    return elites[order[0]] if order else None
 
 
 def _correlation(evaluator: Evaluator, planner: Planner, seed: int) -> tuple[float | None, float]:
@@ -214,8 +219,7 @@ def _select(
 
 def _finalists(entries: list[Entry], starts: Sequence[tuple[Gait, float]]) -> list[tuple[Gait, str]]:
     """Return the search's leaders, and the best baseline in case none of them beats it."""
-    ranked = sorted(entries, key=lambda entry: (entry.evaluation.cost, entry.index))
-    leaders = [entry for entry in ranked if entry.evaluation.status == "ok"][:_FINALISTS]
+    leaders = [entry for entry in ranked(at_rung(entries)) if entry.evaluation.status == "ok"][:_FINALISTS]
     if not leaders:
         reasons = Counter(entry.evaluation.status for entry in entries)
         said = ", ".join(f"{reason} ({count})" for reason, count in reasons.most_common(5))

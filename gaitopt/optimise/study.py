@@ -11,9 +11,10 @@ from scipy.stats import qmc
 
 from gaitopt.errors import GaitoptError, nearest
 from gaitopt.gait import Gait
-from gaitopt.optimise import cma_es, nelder_mead, pareto, surrogate
-from gaitopt.optimise.evaluator import Evaluator
-from gaitopt.optimise.journal import Entry, Journal
+from gaitopt.objective import Evaluation
+from gaitopt.optimise import cma_es, ladder, nelder_mead, pareto, surrogate
+from gaitopt.optimise.evaluator import Evaluator, Outcome
+from gaitopt.optimise.journal import WORKING, Entry, Journal, at_rung, ranked
 from gaitopt.optimise.solution import Box
 from gaitopt.space import GaitSpace
 
@@ -37,8 +38,14 @@ _FRONT_SPREAD = 0.1
 _PARETO_STREAM = 16
 """Streams of randomness from here on belong to the front."""
 
-_RACES = ("cma-es",)
-"""Methods that rank a population, so that clear losers can be dropped early (see `Evaluator.race`)."""
+_LADDER_FROM = 300
+"""Gaits of CMA-ES from which on cheaper rungs are measured; that costs as much as 15 gaits at most."""
+
+_CLIMBERS = 5
+"""Gaits that led on a lower rung and are judged again at the working fidelity."""
+
+LOWER = "lower"
+"""The rung of what was judged below the working fidelity; `Study.rungs` says how far below."""
 
 _POLISH_EDGE = 0.05
 """Edge of Nelder–Mead's first simplex as a polish."""
@@ -55,8 +62,16 @@ class Progress:
     simulated_s: float
 
 
+Judge = Callable[[Sequence[Gait]], list[tuple[Evaluation, list[Outcome]]]]
+"""What judges gaits: an `Evaluator`, or its race."""
+
+
 class Study:
-    """One search: proposes gaits, evaluates them, keeps the journal."""
+    """One search: proposes gaits, evaluates them, keeps the journal.
+
+    Attributes:
+        rungs: the cheaper rungs that were measured, and whether the search went on with them.
+    """
 
     def __init__(
         self,
@@ -73,14 +88,16 @@ class Study:
         self.budget = self._until = budget
         self.seed = seed
         self.entries: list[Entry] = []
+        self.rungs: list[ladder.Rung] = []
+        self._lowest = evaluator
         self._space = evaluator.setting.problem.space
         self._recorded = list(journal.entries)
         self._on_progress = on_progress
 
     @property
     def best(self) -> Entry:
-        """The best gait so far: lowest cost, the earliest of equals."""
-        return min(self.entries, key=lambda entry: (entry.evaluation.cost, entry.index))
+        """The best gait so far at the working fidelity: lowest cost, the earliest of equals."""
+        return ranked(at_rung(self.entries))[0]
 
     def run(
         self,
@@ -88,6 +105,7 @@ class Study:
         starts: Sequence[tuple[Gait, float]] = (),
         planned: Sequence[Gait] = (),
         front: bool = False,
+        laddered: bool = False,
     ) -> Entry:
         """Spend the budget and return the best gait.
 
@@ -96,6 +114,8 @@ class Study:
             starts: gaits whose cost is already known, such as the baselines.
             planned: gaits of a plan, evaluated first; without them a quasi-random batch is.
             front: spend `pareto.SHARE` of the budget on speed against cost of transport, after the rest.
+            laddered: CMA-ES of the default method may go on at a lower fidelity (see `ladder`); what leads
+                there is judged again. Not with a front, which is made of all gaits.
 
         Raises:
             GaitoptError: there is no such method.
@@ -119,7 +139,8 @@ class Study:
         elif method == "cma-es":
             self._search(start, self._left, spread)
         else:
-            self._search(start, self._left - round(_POLISH * self._until), spread)
+            self._search(start, self._left - round(_POLISH * self._until), spread, laddered and not front)
+            self._climb()
             self._polish(self.best.point, self._left, _POLISH_EDGE)
         self._until = self.budget
         if front:
@@ -147,7 +168,7 @@ class Study:
             return
 
         def costs(points: NDArray[np.float64]) -> NDArray[np.float64]:
-            self._evaluate("pareto", points)
+            self._evaluate("pareto", points, self.evaluator)
             return np.array([aim(entry) for entry in self.entries[-len(points) :]])
 
         start = min(self.entries, key=aim).point
@@ -156,21 +177,49 @@ class Study:
         cma_es.minimise(costs, Box(self._space.circular), start, _FRONT_SPREAD, budget, rng, choose)
 
     def _known(self, method: str, points: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], float]]:
-        return list(zip(points, self._evaluate(method, points).tolist(), strict=True))
+        return list(zip(points, self._evaluate(method, points, self.evaluator).tolist(), strict=True))
 
-    def _search(self, x0: NDArray[np.float64], budget: int, sigma: float) -> None:
+    def _search(self, x0: NDArray[np.float64], budget: int, sigma: float, laddered: bool = False) -> None:
         if budget > 0:
             rng = np.random.default_rng([self.seed, METHODS.index("cma-es")])
             box = Box(self._space.circular)
             choose = self._chooser(lambda entry: entry.evaluation.cost)
-            cma_es.minimise(lambda x: self._evaluate("cma-es", x), box, x0, sigma, budget, rng, choose)
+            costs = self._descending if laddered and budget >= _LADDER_FROM else self._raced
+            cma_es.minimise(costs, box, x0, sigma, budget, rng, choose)
+
+    def _raced(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self._evaluate("cma-es", points, self._lowest.race, self._rung)
+
+    def _descending(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the costs of a population, which CMA-ES compares with no other one's.
+
+        Those of the first population are the working fidelity's, and cheaper rungs are measured by them.
+        """
+        if self.rungs:
+            return self._raced(points)
+        costs = self._evaluate("cma-es", points, self.evaluator)
+        gaits = [entry.gait for entry in self.entries[-len(points) :]]
+        self._lowest, self.rungs = ladder.descended(self.evaluator, gaits, costs)
+        return costs
+
+    def _climb(self) -> None:
+        """Judge at the working fidelity what leads on a lower rung."""
+        lower = [e for e in ranked(at_rung(self.entries, LOWER)) if e.evaluation.status == "ok"]
+        points = [entry.point for entry in lower[: min(_CLIMBERS, self._left)]]
+        if points:
+            self._evaluate("cma-es", np.array(points), self.evaluator)
+
+    @property
+    def _rung(self) -> str:
+        return WORKING if self._lowest is self.evaluator else LOWER
 
     def _chooser(self, aim: pareto.Aim) -> cma_es.Choose:
-        """Return what picks candidates by all that was evaluated so far."""
+        """Return what picks candidates by all that was evaluated so far on the rung that judges them."""
 
         def choose(candidates: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-            points = np.array([entry.point for entry in self.entries]).reshape(-1, candidates.shape[1])
-            costs = np.array([aim(entry) for entry in self.entries])
+            known = at_rung(self.entries, self._rung)
+            points = np.array([entry.point for entry in known]).reshape(-1, candidates.shape[1])
+            costs = np.array([aim(entry) for entry in known])
             return surrogate.most_promising(points, costs, candidates, count, self._space.circular)
 
         return choose
@@ -179,9 +228,14 @@ class Study:
         if budget > 0:
             rng = np.random.default_rng([self.seed, METHODS.index("nelder-mead")])
             box = Box(self._space.circular)
-            nelder_mead.minimise(lambda x: self._evaluate("nelder-mead", x), box, x0, edge, budget, rng)
+            nelder_mead.minimise(self._polished, box, x0, edge, budget, rng)
 
-    def _evaluate(self, method: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _polished(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self._evaluate("nelder-mead", points, self.evaluator)
+
+    def _evaluate(
+        self, method: str, points: NDArray[np.float64], judge: Judge, rung: str = WORKING
+    ) -> NDArray[np.float64]:
         """Return the costs of candidates, from the journal where it has them."""
         replayed: list[Entry] = []
         for point in points[: max(0, len(self._recorded) - len(self.entries))]:
@@ -194,7 +248,7 @@ class Study:
             replayed.append(entry)
         fresh: list[Entry] = []
         if len(replayed) < len(points):  # whole: a population that races is judged together
-            fresh = self._assess(method, points, len(self.entries))[len(replayed) :]
+            fresh = self._assess(method, points, judge, rung)[len(replayed) :]
             self.journal.append(fresh)
         self.entries += replayed + fresh
         self._on_progress(
@@ -204,13 +258,13 @@ class Study:
         )
         return np.array([entry.evaluation.cost for entry in replayed + fresh])
 
-    def _assess(self, method: str, points: NDArray[np.float64], first: int) -> list[Entry]:
+    def _assess(self, method: str, points: NDArray[np.float64], judge: Judge, rung: str) -> list[Entry]:
+        first = len(self.entries)
         gaits = [self._space.decode(point, f"candidate-{first + i}") for i, point in enumerate(points)]
-        judged = self.evaluator.race(gaits) if method in _RACES else self.evaluator(gaits)
         entries = []
-        for i, (evaluation, outcomes) in enumerate(judged):
+        for i, (evaluation, outcomes) in enumerate(judge(gaits)):
             simulated = sum(outcome.simulated_s for outcome in outcomes)
-            entries.append(Entry(first + i, method, points[i], gaits[i], evaluation, simulated))
+            entries.append(Entry(first + i, method, points[i], gaits[i], evaluation, simulated, rung))
         return entries
 
 
