@@ -5,6 +5,7 @@ and few scenarios. Set-up and the test command itself are left out. At full budg
 `tests/benchmarks/walk.py`, by hand.
 """
 
+import argparse
 import contextlib
 import functools
 import os
@@ -17,13 +18,12 @@ from pathlib import Path
 
 import matplotlib
 import pytest
+from helpers import brief_studies
 from planting import dataset, filmed
 
-from gaitopt import check, cli, correction, demo, plan, video
+from gaitopt import cli, demo, diagnosis_report, video
 from gaitopt.demo import demo_problem
-from gaitopt.diagnose import experiment
 from gaitopt.files import write_text
-from gaitopt.optimise import run as search
 from gaitopt.optimise.run import Request
 from gaitopt.problem import Problem, load_problem
 from gaitopt.rollout import Simulator
@@ -46,16 +46,12 @@ def workplace(
     quick_folder: Path, quick: Problem, in_a_folder_of_its_own: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Path:
     """A folder in which the bundled names mean quick copies; plans have few starts, films few pictures."""
-    brief = functools.partial(plan.PlanSettings, n_samples=6, n_starts=(2, 1, 1), iterations=8)
-    for module in (plan, search, correction):
-        monkeypatch.setattr(module, "PlanSettings", brief)
-    monkeypatch.setattr(search, "_SAMPLE", 4)
-    for name, few in (("SECONDS", 1.0), ("_RANDOM", 1), ("_REFINED", 1)):
-        monkeypatch.setattr(experiment, name, few)
-    monkeypatch.setattr(correction, "_STARTS", (2, 1, 1))
-    monkeypatch.setattr(check, "_STARTS", 2)
+    for module, name, value in brief_studies():
+        monkeypatch.setattr(module, name, value)
     monkeypatch.setattr(video, "FPS", 2.0)
     monkeypatch.setattr(video, "LOOP_RATES", (2.0,))
+    few = functools.partial(diagnosis_report.diagnose, among=["servo_gain", "servo_trim"])
+    monkeypatch.setattr(diagnosis_report, "diagnose", few)
     monkeypatch.setattr(demo, "demo_problem", lambda: quick)
     monkeypatch.setattr(demo, "REQUEST", Request(budget=BUDGET))
     for name in ("arcfold", "arcfold-published"):
@@ -64,10 +60,10 @@ def workplace(
 
 
 def lowered(command: str) -> str:
-    """The command with a small budget: few gaits, one blind case, two effects."""
+    """The command with a small budget: few gaits, one brief blind case, two effects."""
     if command.startswith("gaitopt diagnose"):
         command += " --effects servo_gain,servo_trim"
-    command = re.sub(r"--cases \d+", "--cases 1", command)
+    command = re.sub(r"--cases \d+", "--cases 1 --gaits square-1s --seconds 3", command)
     if re.match(r"gaitopt optimise(?!.*--resume)", command):
         command = re.sub(r"\s--budget \d+", "", command) + f" --budget {BUDGET} --quiet"
     return command
@@ -148,22 +144,33 @@ def test_the_api_pages_examples(quick: Problem, capsys: pytest.CaptureFixture[st
         "map.png",
         "beside.webp",
     }
+    assert (Path("found") / "report.html").is_file()
+    assert (Path("found") / "corrected.toml").is_file()
 
 
 @needs_opengl
 @pytest.mark.usefixtures("workplace")
 def test_the_examples_of_the_help() -> None:
-    commands = next(a for a in cli.build_parser()._actions if a.dest == cli.COMMAND).choices
     film_of_a_robot(Path("walk.txt"))
     arcfold = Path("arcfold") / "arcfold.xml"
     write_text(Path("walker.xml"), arcfold.read_text())
-    examples = {name: sub.epilog.removeprefix("example: ") for name, sub in commands.items()}
-    assert all(command.startswith(f"gaitopt {name}") for name, command in examples.items())
+    found = dict(examples(cli.build_parser(), "gaitopt"))
+    assert {"gaitopt blind make", "gaitopt blind score"} < set(found)
+    assert all(command.startswith(name) for name, command in found.items())
     run_elsewhere = readme()
-    first = ["import", "new"]
-    for name in [*first, *(n for n in examples if n not in first)]:
-        if examples[name] not in run_elsewhere:
-            execute(examples[name])
+    first = [found["gaitopt import"], found["gaitopt new"]]
+    for command in dict.fromkeys([*first, *found.values()]):
+        if command not in run_elsewhere:
+            execute(command)
+
+
+def examples(parser: argparse.ArgumentParser, name: str) -> Iterator[tuple[str, str]]:
+    """Yield every command, and every action of one, with its example."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for word, sub in action.choices.items():
+                yield f"{name} {word}", (sub.epilog or "").removeprefix("example: ")
+                yield from examples(sub, f"{name} {word}")
 
 
 def test_the_demos_problem_is_shorter_than_the_real_one() -> None:
