@@ -150,17 +150,8 @@ def test_a_command_reads_its_model_once(
     folder = problem_folder(tmp_path / "robot", STRIDER)
 
     def speeds(name: str) -> list[object]:
-        arguments = [
-            "--budget",
-            "3",
-            "--no-warm-start",
-            "--workers",
-            "1",
-            "--json",
-            "--out",
-            str(tmp_path / name),
-        ]
-        assert cli.main(["optimise", str(folder), *arguments]) == 0
+        options = f"--budget 3 --no-warm-start --workers 1 --json --out {tmp_path / name}"
+        assert cli.main(["optimise", str(folder), *options.split()]) == 0
         summary = json.loads(capsys.readouterr().out)
         return [summary["best"]["speed_m_s"], summary["verified"], summary["baselines"]]
 
