@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from gaitopt.diagnose.hypotheses import hypotheses
 from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.nuisances import nuisance_robots
 from gaitopt.diagnose.residual import view
+from gaitopt.diagnose.uneven import UNEVEN, unevenness
 from gaitopt.errors import GaitoptError
 from gaitopt.rollout import Simulator
 
@@ -74,6 +76,7 @@ class Causes:
         p_value: of the first rival against none.
         gap: on held-out data; None where nothing was fitted.
         drawn: whitened changes with robots drawn about the first rival, shape (draws, rows).
+        uneven: by how much the recorded cycles differ, in differences of such robots' cycles.
         seed: seed of what is random.
         robots: robots simulated.
     """
@@ -90,6 +93,7 @@ class Causes:
     p_value: float
     gap: Gap | None
     drawn: NDArray[np.float64]
+    uneven: float
     seed: int
     robots: int
 
@@ -154,8 +158,8 @@ def prepared(
     executor: Executor,
     seed: int,
     memory: Memory | None = None,
-) -> tuple[Bench, Point]:
-    """Return the trials ready for fitting, and beside the nominal robot."""
+) -> tuple[Bench, Point, list[Point | None]]:
+    """Return the trials ready for fitting, beside the nominal robot, and beside robots drawn about it."""
     robots = nuisance_robots(simulator, seed)
     records = [aligned.trial for aligned in trials]
     futures = [executor.submit(predictions, robot, records) for robot in robots]
@@ -169,7 +173,7 @@ def prepared(
     point = ready.point([0.0], nominal)
     if point is None:
         raise ValueError("the nominal prediction was checked when it was aligned")
-    return ready, point
+    return ready, point, [ready.point([], row) for row in drawn]
 
 
 def find_causes(
@@ -196,12 +200,13 @@ def find_causes(
         among: effects to try; None for all that apply.
         memory: keeps what is simulated, and has what was; None to keep nothing.
     """
-    ready, nominal = prepared(simulator, trials, floors, executor, seed, memory)
+    ready, nominal, about = prepared(simulator, trials, floors, executor, seed, memory)
     none = evidence.nothing(ready, nominal)
-    if evidence.left(ready, none) <= NO_GAP:
+    uneven = unevenness(ready, floors, about)
+    if evidence.left(ready, none) <= NO_GAP and uneven <= UNEVEN:
         nothing = np.empty((0, len(ready.blocks)))
         return Causes(
-            ready, nominal, none, (), np.empty(0), "no_gap", [], [], 0.0, 1.0, None, nothing, seed, 0
+            ready, nominal, none, (), np.empty(0), "no_gap", [], [], 0.0, 1.0, None, nothing, uneven, seed, 0
         )
     known = any(aligned.trial.starts_at_s is not None for aligned in trials)
     active = [setting.effect.name for setting in simulator.effects.settings]
@@ -215,7 +220,7 @@ def find_causes(
     doubles = []
     if _remains(ready, best, none) > LEFT:
         doubles = [evidence.double(pair) for pair in fit_pairs(fits, nominal, executor, note)]
-    return conclude(ready, nominal, none, singles, doubles, floor_m, executor, seed)
+    return conclude(ready, nominal, none, singles, doubles, floors, floor_m, executor, seed)
 
 
 def conclude(
@@ -224,6 +229,7 @@ def conclude(
     none: Rival,
     singles: Sequence[Rival],
     doubles: Sequence[Rival],
+    floors: Sequence[Floors],
     floor_m: float,
     executor: Executor,
     seed: int,
@@ -232,24 +238,28 @@ def conclude(
     best = min(singles, key=lambda rival: rival.evidence)
     both = min(doubles, key=lambda rival: rival.evidence, default=None)
     two = both is not None and _needed(ready, best, both)
-    rivals = list(doubles) if two else list(singles)
-    weights, nothing = evidence.scores(ready, rivals), evidence.scores(ready, [*rivals, none])[-1]
-    order = np.argsort(-weights, kind="stable")
-    rivals = [rivals[i] for i in order]
-    chances = evidence.probabilities(weights[order])
-    idle = _ABOVE_NONE * float(chances[0] * np.exp(nothing - weights.max()))
-    first = rivals[0]
+    order, chances, idle = _ranked(ready, doubles if two else singles, none)
+    drawn = precision.drawn_about(ready, order[0], executor, seed)
+    if two and not precision.excludes_none(order[0], ready, drawn.changes):
+        two = False
+        order, chances, idle = _ranked(ready, singles, none)
+        drawn = precision.drawn_about(ready, order[0], executor, seed)
+    first = order[0]
     chance_alone = evidence.p_value(ready, nominal, singles, none.evidence - first.evidence, seed)
     gap = evidence.gap_of(ready, nominal, first, floor_m, seed)
-    drawn = precision.drawn_about(ready, first, executor, seed)
-    remains = _remains(ready, first, none, precision.expected(ready, drawn))
-    other = 1.0 / (1.0 + (_OTHER_HALF / max(remains, 1e-9)) ** _OTHER_SLOPE)
-    improves = chance_alone <= SIGNIFICANCE and first.held_out.sum() < _IMPROVED * none.held_out.sum()
+    remains = _remains(ready, first, none, precision.expected(ready, drawn.changes))
+    uneven = unevenness(ready, floors, drawn.points)
+    other = max(_other(remains / _OTHER_HALF), _other(uneven / UNEVEN))
+    improves = (
+        chance_alone <= SIGNIFICANCE
+        and first.evidence < _IMPROVED * none.evidence
+        and precision.excludes_none(first, ready, drawn.changes)
+    )
     quiet = evidence.left(ready, none) <= FAINT_GAP
-    causes, rest = _named(rivals, chances, two, idle)
+    causes, rest = _named(order, chances, two, idle)
     if not improves:
-        verdict, causes, rest = "no_gap" if quiet else "unexplained", [], []
-    elif remains > LEFT:
+        verdict, causes, rest = "no_gap" if quiet and uneven <= UNEVEN else "unexplained", [], []
+    elif remains > LEFT or uneven > UNEVEN:
         explained = 1.0 - float(np.sqrt(first.held_out.sum() / none.held_out.sum()))
         verdict = "partly_explained"
         if explained < _LITTLE:
@@ -258,9 +268,25 @@ def conclude(
         verdict = "ambiguous" if rest else "explained"
     robots = sum(len(r.fits[0].points) for r in singles)
     return Causes(
-        ready, nominal, none, tuple(rivals), chances, verdict, causes, rest, other, chance_alone, gap, drawn,
-        seed,        robots,
+        ready, nominal, none, tuple(order), chances, verdict, causes, rest, other, chance_alone, gap,
+        drawn.changes, uneven, seed, robots,
     )  # fmt: skip
+
+
+def _ranked(
+    ready: Bench, rivals: Sequence[Rival], none: Rival
+) -> tuple[list[Rival], NDArray[np.float64], float]:
+    """Return the rivals, the most probable first, their probabilities, and the least one worth naming."""
+    weights, nothing = evidence.scores(ready, rivals), evidence.scores(ready, [*rivals, none])[-1]
+    order = np.argsort(-weights, kind="stable")
+    chances = evidence.probabilities(weights[order])
+    idle = _ABOVE_NONE * float(chances[0] * np.exp(nothing - weights.max()))
+    return [rivals[i] for i in order], chances, idle
+
+
+def _other(share: float) -> float:
+    """Return how likely something else is, from a sign of it in units of that which makes it even odds."""
+    return 1.0 / (1.0 + math.exp(-_OTHER_SLOPE * math.log(max(share, 1e-9))))
 
 
 def _remains(ready: Bench, rival: Rival, none: Rival, expected: Mapping[int, float] | None = None) -> float:

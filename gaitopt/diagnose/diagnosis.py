@@ -206,6 +206,7 @@ class Diagnosis:
             "ambiguous_with": list(self.found.ambiguous_with) if self.found else [],
             "other_probability": self.found.other_probability if self.found else None,
             "p_value": self.found.p_value if self.found else None,
+            "unevenness": self.found.uneven if self.found else None,
             "effects": self.found.effects if self.found else [],
             "where": self.where,
             "gap": self.gap,

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import Executor
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
 from gaitopt.diagnose.evidence import TEMPER, Rival
-from gaitopt.diagnose.fitting import Bench, Fit, PairFit, film
+from gaitopt.diagnose.fitting import Bench, Fit, PairFit, Point, film
 from gaitopt.diagnose.nuisances import nuisance_robots
 from gaitopt.rollout import Simulator
 
@@ -28,10 +29,21 @@ _LIKELY = 2.71
 """Loss by which a parameter's 90 % interval ends, in units of one tempered square."""
 
 
-def drawn_about(bench: Bench, rival: Rival, executor: Executor, seed: int) -> Array:
-    """Return how the whitened residual changes with robots drawn about a rival, shape (draws, rows).
+@dataclass(frozen=True)
+class Drawn:
+    """Robots drawn about a rival, those left out that the simulator could not finish.
 
-    Draws that the simulator cannot finish are left out.
+    Attributes:
+        points: the trials beside each.
+        changes: how each changes the whitened residual, shape (draws, rows).
+    """
+
+    points: tuple[Point, ...]
+    changes: Array
+
+
+def drawn_about(bench: Bench, rival: Rival, executor: Executor, seed: int) -> Drawn:
+    """Return robots drawn about a rival.
 
     Args:
         bench: the trials.
@@ -47,8 +59,9 @@ def drawn_about(bench: Bench, rival: Rival, executor: Executor, seed: int) -> Ar
         for index, robot in enumerate(robots)
     ]
     centre, *others = [future.result() for future in futures]
-    changes = [p.whitened - centre.whitened for p in others if p is not None and centre is not None]
-    return np.array(changes).reshape(len(changes), len(bench.blocks))
+    points = tuple(point for point in others if point is not None and centre is not None)
+    changes = [point.whitened - centre.whitened for point in points if centre is not None]
+    return Drawn(points, np.array(changes).reshape(len(changes), len(bench.blocks)))
 
 
 def expected(bench: Bench, drawn: Array) -> dict[int, float]:
@@ -70,7 +83,7 @@ def intervals(rival: Rival, bench: Bench, drawn: Array) -> list[tuple[float, flo
     Args:
         rival: the rival.
         bench: the trials.
-        drawn: what `drawn_about` returned.
+        drawn: changes of the whitened residual with robots drawn about the first rival, shape (draws, rows).
     """
     rows = drawn.shape[1]
     usual = max(1.0, float(np.sum(drawn**2)) / max(drawn.size, 1))
@@ -79,6 +92,13 @@ def intervals(rival: Rival, bench: Bench, drawn: Array) -> list[tuple[float, flo
     if rival.pair is not None:
         return _pair_intervals(rival.pair, rival.at, both, unit)
     return [_interval(fit, both, unit) for fit in rival.fits]
+
+
+def excludes_none(rival: Rival, bench: Bench, drawn: Array) -> bool:
+    """Whether no parameter's interval reaches the value at which its effect does nothing."""
+    found = zip(rival.fits, intervals(rival, bench, drawn), strict=True)
+    neutral = [(fit.hypothesis.value(fit.hypothesis.neutral), ends) for fit, ends in found]
+    return not any(low <= value <= high for value, (low, high) in neutral)
 
 
 def _interval(fit: Fit, drawn: Array, unit: float) -> tuple[float, float]:

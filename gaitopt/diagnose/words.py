@@ -7,6 +7,7 @@ from typing import Any
 from gaitopt.diagnose.align import is_marker
 from gaitopt.diagnose.diagnosis import SIGNIFICANT, Diagnosis, TrialGap
 from gaitopt.diagnose.floor import marker_floor
+from gaitopt.diagnose.uneven import UNEVEN
 from gaitopt.diagnose.where import Split
 
 _WORTH_SAYING = 0.15
@@ -87,6 +88,11 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
             f"cosine of {row['alike']:.2f}."
         )
     sentences.append(f"Something outside the library is {found.other_probability:.0%} probable.")
+    if found.uneven > UNEVEN:
+        sentences.append(
+            f"The recorded cycles differ from one another {found.uneven:.0f} times as much as simulated "
+            "ones: something acts in some of them and not in others."
+        )
     if diagnosis.experiment is not None:
         next_gait = diagnosis.experiment
         sentences.append(
