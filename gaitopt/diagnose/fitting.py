@@ -523,8 +523,11 @@ def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, count:
 
 _FIRSTS = 8
 _PAIRS = 8
-_PAIR_ROUNDS = (8, 8, 4, 4, 3, 3, 2)
-"""How many pairs are fitted further, round by round."""
+_PAIR_ROUNDS = ((8, False), (8, False), (4, True), (4, False), (3, True), (3, False), (2, False))
+"""How many pairs are fitted further, round by round, and whether their slopes are measured anew before."""
+
+_PAIR_DIFFERENCE = 0.02
+"""Share of a range over which a slope is measured."""
 
 _PAIR_HOPELESS = 4.0
 """A pair that leaves so many times the least loss need not be fitted without each fold."""
@@ -583,11 +586,15 @@ def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Not
     pairs = [_started(one, other, at) for one, other, at in _promising(fits, nominal)]
     targets = [pair.points[0].at for pair in pairs]
     count = _Count("fitting pairs of effects", note)
-    count.add(0, sum(min(most, len(pairs)) for most in _PAIR_ROUNDS))
+    count.add(0, sum(min(most, len(pairs)) * (3 if fresh else 1) for most, fresh in _PAIR_ROUNDS))
     for pair in pairs:
         pair.points.clear()
-    for number, most in enumerate(_PAIR_ROUNDS):
+    for number, (most, fresh) in enumerate(_PAIR_ROUNDS):
         chosen = list(range(len(pairs))) if number < 2 else _leading(pairs, most)
+        if fresh:
+            _measure_slopes([pairs[i] for i in chosen], executor, count)
+            for index in chosen:
+                targets[index] = pairs[index].best().at + pairs[index].step()
         futures = [(i, executor.submit(_simulate_pair, pairs[i], targets[i])) for i in chosen]
         for index, future in futures:
             point = future.result()
@@ -600,6 +607,25 @@ def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Not
     fitted = [pair for pair in pairs if pair.points]
     _leave_out(fitted, executor, count)
     return fitted
+
+
+def _measure_slopes(pairs: Sequence[PairFit], executor: Executor, count: _Count) -> None:
+    """Measure the slopes of pairs at their best points: those of the single fits were measured elsewhere."""
+    work = []
+    for pair in pairs:
+        best = pair.best()
+        for index, fit in enumerate(pair.fits):
+            h, at = fit.hypothesis, best.at.copy()
+            size = _PAIR_DIFFERENCE * (h.high - h.low)
+            at[index] += size if at[index] + size <= h.high else -size
+            work.append((pair, best, index, at, executor.submit(_simulate_pair, pair, at)))
+    for pair, best, index, at, future in work:
+        point = future.result()
+        count.add(1, 0)
+        if point is not None:
+            slope = (point.whitened - best.whitened) / (at[index] - best.at[index])
+            pair.slopes[:, index] = slope
+            pair.points.append(point)
 
 
 def _leave_out(pairs: Sequence[PairFit], executor: Executor, count: _Count) -> None:
