@@ -7,7 +7,8 @@ import pytest
 
 from gaitopt.diagnose import precision
 from gaitopt.diagnose.evidence import Rival
-from gaitopt.diagnose.fitting import Bench, Fit, PairFit, Point
+from gaitopt.diagnose.fitting import Bench, Fit, Point
+from gaitopt.diagnose.pairs import PairFit
 
 ROWS, TRUE = 60, 0.9
 

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from gaitopt.diagnose import evidence, precision
 from gaitopt.diagnose.align import Aligned
 from gaitopt.diagnose.evidence import Gap, Rival
-from gaitopt.diagnose.fitting import Bench, Note, Point, bench, fit_all, fit_pairs, predictions
+from gaitopt.diagnose.fitting import Bench, Note, Point, bench, fit_all, predictions
 from gaitopt.diagnose.floor import Floors
 from gaitopt.diagnose.hypotheses import hypotheses
 from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.nuisances import nuisance_robots
+from gaitopt.diagnose.pairs import fit_pairs
 from gaitopt.diagnose.residual import view
 from gaitopt.diagnose.uneven import UNEVEN, unevenness
 from gaitopt.errors import GaitoptError

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.fitting import Bench, Fit, PairFit, Point
+from gaitopt.diagnose.fitting import Bench, Fit, Point
+from gaitopt.diagnose.pairs import PairFit
 
 Array = NDArray[np.float64]
 

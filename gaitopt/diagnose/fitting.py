@@ -1,4 +1,4 @@
-"""Fits of one or two effects to a set of trials, with as few simulations as will do.
+"""Fits of one effect to a set of trials, with as few simulations as will do.
 
 Simulated parameter sets are kept, and between two of them the whitened residual is taken to change
 evenly. So the loss of every cycle is known along the whole range of a parameter, and leaving a gait out,
@@ -439,7 +439,7 @@ def fit_all(
         note: called as it goes.
     """
     fits = [Fit(h, bench, [replace(nominal, at=np.array([h.neutral]))]) for h in rivals]
-    count = _Count("fitting effects", note)
+    count = Count("fitting effects", note)
     _simulate_each([(fit, at) for fit in fits for at in fit.hypothesis.screened], executor, count)
     rows = len(nominal.whitened)
     _refine(fits, rows, executor, count)
@@ -452,7 +452,7 @@ def fit_all(
 
 
 @dataclass
-class _Count:
+class Count:
     """Robots simulated, and how many may be at most; said as it changes."""
 
     what: str
@@ -469,7 +469,7 @@ def _refine(
     fits: Sequence[Fit],
     rows: int,
     executor: Executor,
-    count: _Count,
+    count: Count,
     hopeless: Sequence[float] = HOPELESS,
 ) -> None:
     """Simulate the fits that look best where they look best, in rounds.
@@ -495,7 +495,7 @@ def _refine(
         _simulate_each(work, executor, count)
 
 
-def _finish(fits: Sequence[Fit], executor: Executor, count: _Count) -> None:
+def _finish(fits: Sequence[Fit], executor: Executor, count: Count) -> None:
     """Simulate the leading fits until what is left of them is known, not mixed from two robots far apart."""
     for _ in range(_FINISH):
         losses = [float(fit.loss().sum()) for fit in fits]
@@ -506,7 +506,7 @@ def _finish(fits: Sequence[Fit], executor: Executor, count: _Count) -> None:
         _simulate_each(work, executor, count)
 
 
-def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, count: _Count) -> None:
+def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, count: Count) -> None:
     count.add(0, len(work))
     futures = []
     for fit, at in work:
@@ -517,206 +517,3 @@ def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, count:
     for fit, future in futures:
         fit.add(future.result())
         count.add(1, 0)
-
-
-# --- two effects ----------------------------------------------------------------------------------
-
-_FIRSTS = 8
-_PAIRS = 8
-_PAIR_ROUNDS = ((8, False), (8, False), (4, True), (4, False), (3, True), (3, False), (2, False))
-"""How many pairs are fitted further, round by round, and whether their slopes are measured anew before."""
-
-_PAIR_DIFFERENCE = 0.02
-"""Share of a range over which a slope is measured."""
-
-_PAIR_HOPELESS = 4.0
-"""A pair that leaves so many times the least loss need not be fitted without each fold."""
-
-
-@dataclass
-class PairFit:
-    """Two hypotheses together.
-
-    Attributes:
-        fits: their single fits.
-        points: simulated pairs.
-        slopes: change of the whitened residual with each coordinate, shape (rows, 2), from the single fits.
-    """
-
-    fits: tuple[Fit, Fit]
-    points: list[Point]
-    slopes: Array
-
-    @property
-    def names(self) -> list[str]:
-        """The two effects."""
-        return [fit.hypothesis.effect.name for fit in self.fits]
-
-    def best(self, weights: Array | None = None) -> Point:
-        """Return the simulated pair of the least loss, blocks weighted."""
-        return min(self.points, key=lambda point: self._loss(point, weights))
-
-    def _loss(self, point: Point, weights: Array | None) -> float:
-        losses = self.fits[0].bench.losses(point.whitened, point.whitened)
-        return float(losses.sum() if weights is None else weights @ losses)
-
-    def step(self, weights: Array | None = None) -> Array:
-        """Return the Gauss–Newton step from the best point, each coordinate's, blocks weighted."""
-        point = self.best(weights)
-        bench = self.fits[0].bench
-        by_row = np.ones(len(point.whitened)) if weights is None else weights[bench.blocks]
-        root = np.sqrt(by_row)[:, None]
-        step, *_ = np.linalg.lstsq(root * self.slopes, -root[:, 0] * point.whitened, rcond=None)
-        wanted = [
-            float(np.clip(at + s, f.hypothesis.low, f.hypothesis.high)) - at
-            for at, s, f in zip(point.at.tolist(), step.tolist(), self.fits, strict=True)
-        ]
-        return np.array(wanted)
-
-
-def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Note) -> list[PairFit]:
-    """Fit the pairs that look best when their changes are added up.
-
-    Args:
-        fits: the single fits.
-        nominal: the trials beside the nominal robot.
-        executor: where robots are simulated.
-        note: called as it goes.
-    """
-    pairs = [_started(one, other, at) for one, other, at in _promising(fits, nominal)]
-    targets = [pair.points[0].at for pair in pairs]
-    count = _Count("fitting pairs of effects", note)
-    count.add(0, sum(min(most, len(pairs)) * (3 if fresh else 1) for most, fresh in _PAIR_ROUNDS))
-    for pair in pairs:
-        pair.points.clear()
-    for number, (most, fresh) in enumerate(_PAIR_ROUNDS):
-        chosen = list(range(len(pairs))) if number < 2 else _leading(pairs, most)
-        if fresh:
-            _measure_slopes([pairs[i] for i in chosen], executor, count)
-            for index in chosen:
-                targets[index] = pairs[index].best().at + pairs[index].step()
-        futures = [(i, executor.submit(_simulate_pair, pairs[i], targets[i])) for i in chosen]
-        for index, future in futures:
-            point = future.result()
-            count.add(1, 0)
-            if point is not None:
-                _learn(pairs[index], point)
-        for index in chosen:
-            if pairs[index].points:
-                targets[index] = pairs[index].best().at + pairs[index].step()
-    fitted = [pair for pair in pairs if pair.points]
-    _leave_out(fitted, executor, count)
-    return fitted
-
-
-def _measure_slopes(pairs: Sequence[PairFit], executor: Executor, count: _Count) -> None:
-    """Measure the slopes of pairs at their best points: those of the single fits were measured elsewhere."""
-    work = []
-    for pair in pairs:
-        best = pair.best()
-        for index, fit in enumerate(pair.fits):
-            h, at = fit.hypothesis, best.at.copy()
-            size = _PAIR_DIFFERENCE * (h.high - h.low)
-            at[index] += size if at[index] + size <= h.high else -size
-            work.append((pair, best, index, at, executor.submit(_simulate_pair, pair, at)))
-    for pair, best, index, at, future in work:
-        point = future.result()
-        count.add(1, 0)
-        if point is not None:
-            slope = (point.whitened - best.whitened) / (at[index] - best.at[index])
-            pair.slopes[:, index] = slope
-            pair.points.append(point)
-
-
-def _leave_out(pairs: Sequence[PairFit], executor: Executor, count: _Count) -> None:
-    """Simulate the pairs that may count where they fit best without each of the folds.
-
-    Slopes do not tell what such a pair foretells of a gait that it has not seen: fast ones are not even.
-    """
-    losses = [float(np.sum(pair.best().whitened ** 2)) for pair in pairs]
-    able = [p for p, loss in zip(pairs, losses, strict=True) if loss <= _PAIR_HOPELESS * min(losses)]
-    work = [
-        (pair, pair.best(weights).at + pair.step(weights))
-        for pair in able
-        for _, weights in pair.fits[0].bench.left_out
-    ]
-    count.add(0, len(work))
-    futures = [(pair, executor.submit(_simulate_pair, pair, at)) for pair, at in work]
-    for pair, future in futures:
-        point = future.result()
-        count.add(1, 0)
-        if point is not None:
-            pair.points.append(point)
-
-
-def _leading(pairs: Sequence[PairFit], count: int) -> list[int]:
-    alive = [i for i, pair in enumerate(pairs) if pair.points]
-    return sorted(alive, key=lambda i: float(np.sum(pairs[i].best().whitened ** 2)))[:count]
-
-
-def _promising(fits: Sequence[Fit], nominal: Point) -> list[tuple[Fit, Fit, Array]]:
-    """Return the best sums of two changes: both fits and the coordinates."""
-    ordered = sorted(fits, key=lambda fit: float(fit.loss().sum()))[: 2 * _FIRSTS]
-    found: dict[tuple[str, str], tuple[float, Fit, Fit, Array]] = {}
-    for first in ordered[:_FIRSTS]:
-        remaining = first.between("whitened")
-        for second in fits:
-            if second.hypothesis.effect.name == first.hypothesis.effect.name:
-                continue
-            least, at = _least_added(remaining, second, nominal)
-            names = sorted((first.hypothesis.name, second.hypothesis.name))
-            key = (names[0], names[1])
-            if key not in found or least < found[key][0]:
-                found[key] = (least, first, second, np.array([first.best(), at]))
-    best = sorted(found.values(), key=lambda entry: entry[0])[:_PAIRS]
-    return [(one, other, at) for _, one, other, at in best]
-
-
-def _least_added(remaining: Array, fit: Fit, nominal: Point) -> tuple[float, float]:
-    """Return the least loss, and its coordinate, when a fit's change is added to a residual."""
-    best, at = float(remaining @ remaining), fit.hypothesis.neutral
-    for low, high in zip(fit.points[:-1], fit.points[1:], strict=True):
-        begin = remaining + low.whitened - nominal.whitened
-        along = high.whitened - low.whitened
-        share = float(np.clip(-(begin @ along) / max(float(along @ along), 1e-12), 0.0, 1.0))
-        moved = begin + share * along
-        loss = float(moved @ moved)
-        if loss < best:
-            best, at = loss, float(low.at[0] + share * (high.at[0] - low.at[0]))
-    return best, at
-
-
-def _started(one: Fit, other: Fit, at: Array) -> PairFit:
-    slopes = np.stack([_slope(fit, float(a)) for fit, a in zip((one, other), at, strict=True)], axis=1)
-    return PairFit((one, other), [replace(one.points[0], at=at)], slopes)
-
-
-def _slope(fit: Fit, at: float) -> Array:
-    """Return the change of the whitened residual with a fit's coordinate, near a coordinate."""
-    known = [float(p.at[0]) for p in fit.points]
-    left = int(np.clip(np.searchsorted(known, at) - 1, 0, len(known) - 2))
-    low, high = fit.points[left], fit.points[left + 1]
-    slope: Array = (high.whitened - low.whitened) / float(high.at[0] - low.at[0])
-    return slope
-
-
-def _simulate_pair(pair: PairFit, at: Array) -> Point | None:
-    effects, observed = {}, True
-    for fit, coordinate in zip(pair.fits, at.tolist(), strict=True):
-        effects[fit.hypothesis.effect.name] = fit.hypothesis.values(coordinate)
-        observed = observed and fit.hypothesis.effect.observe is not None
-    return simulate(pair.fits[0].bench, effects, at.tolist(), observed)
-
-
-def _learn(pair: PairFit, point: Point) -> None:
-    """Take in a simulated pair, and correct the slopes by it as Broyden does."""
-    if pair.points:
-        before = pair.best()
-        span = np.array([fit.hypothesis.high - fit.hypothesis.low for fit in pair.fits])
-        moved = (point.at - before.at) / span
-        size = float(moved @ moved)
-        if size > 1e-10:
-            scaled = pair.slopes * span
-            missed = point.whitened - before.whitened - scaled @ moved
-            pair.slopes = (scaled + np.outer(missed, moved) / size) / span
-    pair.points.append(point)

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from gaitopt.diagnose.evidence import TEMPER, Rival
-from gaitopt.diagnose.fitting import Bench, Fit, PairFit, Point, film
+from gaitopt.diagnose.fitting import Bench, Fit, Point, film
 from gaitopt.diagnose.nuisances import nuisance_robots
+from gaitopt.diagnose.pairs import PairFit
 from gaitopt.rollout import Simulator
 
 Array = NDArray[np.float64]
