@@ -4,7 +4,7 @@ The cases are those of ``tests/fuzzing.py``. They run in a process of their own 
 one on the time of each case, so that a crash of the interpreter or a hang inside a library is a figure in
 the table and not the end of the study.
 
-    python tests/benchmarks/fuzz.py --cases 12000 --seed 1 --out results/fuzz
+    python tests/benchmarks/fuzz.py --cases 12000 --whole 40 --seed 1 --out results/fuzz
     python tests/benchmarks/fuzz.py --seed 1 --only "MJCF, text:373"
 """
 
@@ -44,7 +44,10 @@ ENDS = ("done", "stated", "usage")
 def main() -> None:
     """Run the cases and write ``fuzz.json`` and ``README.md``."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--cases", type=int, default=12000)
+    parser.add_argument(
+        "--cases", type=int, default=12000, help="brief ones; 0 keeps those of an earlier run"
+    )
+    parser.add_argument("--whole", type=int, default=0, help="whole runs of each kind; 0 likewise")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", metavar="KIND:NUMBER", help="run one case and show how it ends")
     parser.add_argument("--out", type=Path)
@@ -54,18 +57,15 @@ def main() -> None:
         show(options.seed, kind, int(number))
         return
     began = time.monotonic()
-    rows = list(run(options.seed, list(cases(options.cases))))
-    report = (
-        tabulated(rows)
-        | large()
-        | {
-            "cases": len(rows),
-            "seed": options.seed,
-            "limit_s": fuzzing.LIMIT_S,
-            "wall_s": time.monotonic() - began,
-        }
-    )
-    text = page(report, options)
+    rows = list(run(options.seed, [*cases(options.cases), *whole_runs(options.whole)]))
+    before = earlier(options.out)
+    report = tabulated(rows, before) | ({"rows": before["rows"]} if "rows" in before else large())
+    report |= {"seed": options.seed, "limit_s": fuzzing.LIMIT_S, "whole_limit_s": fuzzing.WHOLE_LIMIT_S}
+    minutes = (time.monotonic() - began) / 60.0
+    asked = {"cases": options.cases, "whole": options.whole}
+    made = {k: f"`--{k} {n} --seed {options.seed}` in {minutes:.1f} minutes" for k, n in asked.items() if n}
+    report["made"] = before.get("made", {}) | made
+    text = page(report)
     if options.out:
         options.out.mkdir(parents=True, exist_ok=True)
         (options.out / "fuzz.json").write_text(json.dumps(report, indent=1) + "\n")
@@ -76,10 +76,23 @@ def main() -> None:
 
 def cases(count: int) -> Iterator[tuple[str, int]]:
     """Yield kind and number of each case, the kinds in proportion to their share."""
-    whole = sum(share for share, _ in fuzzing.KINDS.values())
-    for kind, (share, _) in fuzzing.KINDS.items():
-        for number in range(-(-count * share // whole)):
+    brief = {kind: share for kind, (share, _) in fuzzing.KINDS.items() if kind not in fuzzing.WHOLE}
+    for kind, share in brief.items():
+        for number in range(-(-count * share // sum(brief.values()))):
             yield kind, number
+
+
+def whole_runs(count: int) -> Iterator[tuple[str, int]]:
+    """Yield kind and number of each whole run of a command."""
+    for kind in fuzzing.WHOLE:
+        for number in range(count):
+            yield kind, number
+
+
+def earlier(folder: Path | None) -> dict:
+    """Return what an earlier run found, of which the kinds that are not run again are kept."""
+    path = folder / "fuzz.json" if folder else None
+    return json.loads(path.read_text()) if path and path.is_file() else {}
 
 
 def show(seed: int, kind: str, number: int) -> None:
@@ -108,7 +121,7 @@ def run(seed: int, waiting: list[tuple[str, int]]) -> Iterator[dict]:
 
 def answers(pipe: Connection, process: multiprocessing.process.BaseProcess) -> Iterator[dict]:
     """Yield the answers of a process until it has ended, and what ended it if it was not its work."""
-    patience = 120.0  # imports, and the run that later cases break
+    patience = fuzzing.WHOLE_LIMIT_S + 120.0  # imports, and the run that later cases break
     while True:
         if not pipe.poll(patience):
             yield {"ended": "hang", "words": "killed", "seconds": patience}
@@ -122,7 +135,7 @@ def answers(pipe: Connection, process: multiprocessing.process.BaseProcess) -> I
         if row is None:
             return
         yield row
-        patience = fuzzing.LIMIT_S + GRACE_S
+        patience = fuzzing.WHOLE_LIMIT_S + GRACE_S
 
 
 def work(pipe: Connection, seed: int, waiting: list[tuple[str, int]]) -> None:
@@ -163,11 +176,14 @@ def large() -> dict:
     return {"rows": {"rows": ROWS, "exit": done.returncode, "seconds": seconds, "peak_gb": peak_kb / 1e6}}
 
 
-def tabulated(rows: list[dict]) -> dict:
+def tabulated(rows: list[dict], before: dict) -> dict:
     """Return the table by kind, and every case that ended as none may."""
     kinds = {}
     for kind in fuzzing.KINDS:
         mine = [row for row in rows if row["kind"] == kind]
+        if not mine and kind in before.get("kinds", {}):
+            kinds[kind] = before["kinds"][kind]
+            continue
         ended = Counter(row["ended"] if row["ended"] in ENDS else "wrong" for row in mine)
         seconds = [row["seconds"] for row in mine]
         kinds[kind] = {
@@ -179,10 +195,13 @@ def tabulated(rows: list[dict]) -> dict:
             "total_s": sum(seconds),
             "longest_s": max(seconds, default=0.0),
         }
-    return {"kinds": kinds, "wrong": [row for row in rows if row["ended"] not in ENDS]}
+    run = {row["kind"] for row in rows}
+    wrong = [row for row in before.get("wrong", []) if row["kind"] not in run]
+    wrong += [row for row in rows if row["ended"] not in ENDS]
+    return {"cases": sum(row["cases"] for row in kinds.values()), "kinds": kinds, "wrong": wrong}
 
 
-def page(report: dict, options: argparse.Namespace) -> str:
+def page(report: dict) -> str:
     """Return the README of the results folder."""
     wrong = len(report["wrong"])
     verdict = "none ended otherwise" if not wrong else f"{wrong} ended otherwise"
@@ -190,14 +209,16 @@ def page(report: dict, options: argparse.Namespace) -> str:
         "# Fuzzing",
         "",
         f"{report['cases']} broken or hostile inputs, generated: whole files of every kind that gaitopt "
-        "reads, one to four things wrong with most of them, and command lines. Each must end in success, or "
-        "in exactly one line on standard error and exit 1 or 2, within "
-        f"{report['limit_s']:g} s; must leave no half-written file; must change no input, and no file of the "
-        f"user's unless it succeeds. **{verdict.capitalize()}.**",
+        "reads, one to four things wrong with most of them, command lines, and whole runs of commands on "
+        "such files, with few starts and samples. Each must end in success, or in exactly one line on "
+        f"standard error and exit 1 or 2, within {report['limit_s']:g} s (whole runs: "
+        f"{report['whole_limit_s']:g} s); must leave no half-written file; must change no input, and no file "
+        "of the user's unless it "
+        f"succeeds. **{verdict.capitalize()}.**",
         "",
-        f"Made by `python tests/benchmarks/fuzz.py --cases {options.cases} --seed {options.seed} "
-        f"--out results/fuzz` in {report['wall_s'] / 60.0:.1f} minutes on a busy core. What earlier runs "
-        "found is in the changelog; each of it has a test in `tests/test_hostile.py`.",
+        "Made by `python tests/benchmarks/fuzz.py --out results/fuzz` with "
+        f"{' and with '.join(report['made'].values())} on a busy core. What earlier runs found is in the "
+        "changelog; each of it has a test in `tests/test_hostile.py`.",
         "",
         "| input | cases | success | one line, exit 1 | one line, exit 2 | otherwise | total [s] "
         "| longest [s] |",
