@@ -47,7 +47,7 @@ robot have in common; any other gait may itself be the slow one.
 """
 
 _CHUNK = 500
-"""Steps that are simulated at once; the work is then looked at, which costs a per cent of it."""
+"""Steps that are simulated at once; the work is then looked at, which costs 1 to 3 % of theirs."""
 
 _COUNT_EVERY = 100
 """Steps of which one tells the work of all."""
