@@ -1,5 +1,6 @@
 """Executors: the same bits wherever the work is done, and no work lost with a worker."""
 
+import gc
 import json
 import os
 import shutil
@@ -233,12 +234,19 @@ def test_optimise_on_a_cluster(scheduler: str, tmp_path: Path, capfd: pytest.Cap
         assert (tmp_path / "cluster" / name).read_bytes() == (tmp_path / "here" / name).read_bytes()
 
 
+def _clients() -> int:
+    return sum(type(known).__module__ == "distributed.client" for known in gc.get_objects())
+
+
 def test_a_cluster_that_is_not_there_is_one_line(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gaitopt.optimise.executors._ANSWER_S", 0.3)
+    gc.collect()
+    before = _clients()
     for address in ("127.0.0.1:1", "nonsense", "127.0.0.1:port"):
         with pytest.raises(GaitoptError) as error:
             open_executor(f"dask://{address}")
         assert str(error.value) == f"--executor: no dask scheduler answers at dask://{address}"
+        assert _clients() == before  # one left over would be collected, and lock another's start, later
     with pytest.raises(GaitoptError, match=r"--workers: found 2; dask:// works with the workers it has"):
         open_executor(f"dask://{scheduler}", 2)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import signal
@@ -9,7 +10,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process, resource_tracker
 from typing import Any
 
@@ -117,10 +118,13 @@ class DaskExecutor(Executor):
             ) from None
         for part in ("client", "core", "utils"):  # their logs of a lost connection run to many pages
             logging.getLogger(f"distributed.{part}").setLevel(logging.CRITICAL)
-        try:
-            self._client = Client(f"tcp://{address}", timeout=_ANSWER_S, set_as_default=False)
-        except (OSError, ValueError):  # a timeout is an OSError, a port that is no number a ValueError
-            raise GaitoptError(f"--executor: no dask scheduler answers at {DASK}{address}") from None
+        client = None
+        with suppress(OSError, ValueError):  # a timeout is an OSError, a port that is no number a ValueError
+            client = Client(f"tcp://{address}", timeout=_ANSWER_S, set_as_default=False)
+        if client is None:
+            gc.collect()  # one that found nobody ends now: amid another's start it would lock that
+            raise GaitoptError(f"--executor: no dask scheduler answers at {DASK}{address}")
+        self._client = client
         try:
             self._client.wait_for_workers(1, timeout=_ANSWER_S)
         except OSError:
