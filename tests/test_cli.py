@@ -154,11 +154,11 @@ def interrupt_after(monkeypatch: pytest.MonkeyPatch, batches: int) -> None:
     """Press Ctrl-C when that many batches are done."""
     original, done = Study._assess, []
 
-    def assess(self: Study, method: str, points: np.ndarray, first: int) -> Any:
+    def assess(self: Study, method: str, *arguments: Any) -> Any:
         if len(done) == batches:
             raise KeyboardInterrupt
         done.append(method)
-        return original(self, method, points, first)
+        return original(self, method, *arguments)
 
     monkeypatch.setattr(Study, "_assess", assess)
 

@@ -191,7 +191,7 @@ def test_an_interrupted_diagnosis_goes_on_to_the_same_bits(sloped, tmp_path, cap
     whole, halted = tmp_path / "whole", tmp_path / "halted"
     assert main(["diagnose", "arcfold", str(sloped), "--out", str(whole), *few]) == 0
     assert not list(whole.glob("simulated-*"))
-    simulated = fitting._simulate
+    simulated = fitting.predictions
     count = itertools.count()
 
     def pulled(*arguments):
@@ -199,13 +199,13 @@ def test_an_interrupted_diagnosis_goes_on_to_the_same_bits(sloped, tmp_path, cap
             raise KeyboardInterrupt
         return simulated(*arguments)
 
-    monkeypatch.setattr(fitting, "_simulate", pulled)
+    monkeypatch.setattr(fitting, "predictions", pulled)
     capsys.readouterr()
     assert main(["diagnose", "arcfold", str(sloped), "--out", str(halted), "--workers", "1", *few]) == 130
     said = capsys.readouterr().err
     assert f"stopped after 4 robots; go on with: gaitopt diagnose arcfold {sloped} --resume {halted}" in said
     assert not (halted / "diagnosis.json").exists()
-    monkeypatch.setattr(fitting, "_simulate", simulated)
+    monkeypatch.setattr(fitting, "predictions", simulated)
     other = ["diagnose", "arcfold", str(sloped), "--resume", str(halted), "--seed", "2", *few]
     assert main(other) == 1
     assert "nothing was simulated there with this problem" in capsys.readouterr().err
