@@ -162,7 +162,7 @@ def test_the_real_trials(tmp_path, capsys, monkeypatch):
         table = np.genfromtxt(HARDWARE / f"gait-{name}.csv", delimiter=",", names=True)
         trials[name] = (f"square-{name}", {"t_s": table["t_s"], "x_m": table["x_m"]})
     folder = dataset(tmp_path / "trials", trials)
-    few = ["--effects", "servo_travel,pad_friction"]
+    few = ["--effects", "pad_friction"]
     assert main(["diagnose", "arcfold", str(folder), "--out", str(tmp_path / "out"), "--json", *few]) == 0
     found = json.loads(capsys.readouterr().out)
     assert {(row["trial"], row["name"]) for row in found["defects"]} >= {
