@@ -119,7 +119,7 @@ def maker(
     """
     nominal = Simulator.build(problem)
     chosen = {name: problem.baselines[name] for name in gaits}
-    lengths = {name: _length(gait, seconds) for name, gait in chosen.items()}
+    lengths = {name: filmed_s(gait, seconds) for name, gait in chosen.items()}
     robots = [nominal, *nuisance_robots(nominal, 12345, 4)]
     runs = {
         (name, index): executor.submit(robot.run, gait, 0, lengths[name])
@@ -141,7 +141,8 @@ def _signals(nominal: Simulator) -> list[str]:
     return ["marker.x", "marker.y", "marker.z", *(n for n in named if n in nominal.signals)]
 
 
-def _length(gait: Gait, seconds: float) -> float:
+def filmed_s(gait: Gait, seconds: float) -> float:
+    """Return how long a robot has to walk for a recording that begins when it likes, s."""
     return max(seconds, 2.1 * gait.period_s) + 1.2 * gait.period_s
 
 
@@ -356,7 +357,7 @@ def shoot(made: Maker, draw: Draw, rng: np.random.Generator, executor: Executor)
                     _filmed_path,
                     replace(robot, scenarios=(poses[name],), models=(model,)),
                     gait,
-                    _length(gait, made.seconds),
+                    filmed_s(gait, made.seconds),
                 )
                 for name, gait in made.gaits.items()
             }

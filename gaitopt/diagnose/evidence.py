@@ -136,11 +136,7 @@ def left(bench: Bench, rival: Rival) -> float:
 
 def left_by_trial(bench: Bench, rival: Rival) -> dict[int, float]:
     """Return the mean whitened square of each trial, held out."""
-    rows = bench.rows_of_blocks
-    return {
-        int(t): float(rival.held_out[bench.block_trials == t].sum() / rows[bench.block_trials == t].sum())
-        for t in np.unique(bench.block_trials)
-    }
+    return bench.by_trial(rival.held_out)
 
 
 def scores(bench: Bench, rivals: Sequence[Rival]) -> Array:

@@ -138,6 +138,11 @@ class Bench:
         sums: Array = np.bincount(self.blocks, one * other, minlength=self.count).astype(float)
         return sums
 
+    def by_trial(self, losses: Array) -> dict[int, float]:
+        """Return each trial's mean whitened square from the losses of the blocks, shape (blocks,)."""
+        rows, trials = self.rows_of_blocks, self.block_trials
+        return {int(t): float(losses[trials == t].sum() / rows[trials == t].sum()) for t in np.unique(trials)}
+
     def point(self, at: Sequence[float], trajectories: Sequence[Trajectory]) -> Point | None:
         """Return the trials beside some trajectories; None where one of these failed."""
         compared = []

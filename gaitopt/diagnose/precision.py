@@ -67,12 +67,9 @@ def drawn_about(bench: Bench, rival: Rival, executor: Executor, seed: int) -> Dr
 
 def expected(bench: Bench, drawn: Array) -> dict[int, float]:
     """Return the mean whitened square that drawn robots leave of each trial; 0 where there are none."""
-    rows = bench.rows_of_blocks
-    mean = np.mean([bench.losses(row, row) for row in drawn], axis=0) if len(drawn) else np.zeros(bench.count)
-    return {
-        int(t): float(mean[bench.block_trials == t].sum() / rows[bench.block_trials == t].sum())
-        for t in np.unique(bench.block_trials)
-    }
+    if not len(drawn):
+        return bench.by_trial(np.zeros(bench.count))
+    return bench.by_trial(np.mean([bench.losses(row, row) for row in drawn], axis=0))
 
 
 def intervals(rival: Rival, bench: Bench, drawn: Array) -> list[tuple[float, float]]:

@@ -80,11 +80,9 @@ def coarser(setting: Setting) -> Setting:
 
 def shorter(setting: Setting) -> Setting:
     """Return a setting with a shorter horizon, of as many whole cycles as the problem asks for at least."""
-    file = setting.problem.file
-    horizon = file.simulation.horizon
+    horizon = setting.problem.simulation.horizon
     times = {"transient_s": horizon.transient_s / FACTOR, "measured_s": horizon.measured_s / FACTOR}
-    simulation = file.simulation.model_copy(update={"horizon": horizon.model_copy(update=times)})
-    problem = replace(setting.problem, file=file.model_copy(update={"simulation": simulation}))
+    problem = setting.problem.with_horizon(horizon.model_copy(update=times))
     return Setting.of(problem, setting.scenarios, setting.fidelity)
 
 

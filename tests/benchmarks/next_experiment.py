@@ -20,7 +20,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gaitopt.diagnose.blind import Draw, Maker, draw_case, maker, shoot, write_recordings
+from gaitopt.diagnose.blind import Draw, Maker, draw_case, filmed_s, maker, shoot, write_recordings
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.diagnosis import Diagnosis, diagnose
 from gaitopt.diagnose.scoring import mean, rate
@@ -51,7 +51,7 @@ class Study:
         made = self.made
         folder.mkdir(parents=True, exist_ok=True)
         if gait is not None:
-            path = replace(made.nominal.run(gait, 0, _most_seconds(gait)), status="ok")
+            path = replace(made.nominal.run(gait, 0, filmed_s(gait, SECONDS)), status="ok")
             made = replace(
                 made,
                 gaits={**made.gaits, gait.name: gait},
@@ -97,10 +97,6 @@ class Study:
             return _answer(self.diagnosed(folder, False), truth)
         except GaitoptError as error:  # such as a gait that the robot cannot walk: it has told nothing
             return {"verdict": f"not filmed: {error}", "named": None, "truth_in": None}
-
-
-def _most_seconds(gait: Gait) -> float:
-    return max(SECONDS, 2.1 * gait.period_s) + 1.2 * gait.period_s
 
 
 def _answer(found: Diagnosis, truth: str) -> dict[str, Any]:

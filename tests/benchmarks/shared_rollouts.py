@@ -46,8 +46,7 @@ def shared_rollouts(longest: Mapping[str, float]) -> Iterator[None]:
             kept[key] = own(robot, gait, scenario, most)
         if kept[key].status != "ok":
             return own(robot, gait, scenario, duration)
-        every = max(1, round(1e-3 / robot.fidelity.timestep_s))
-        return _cut(kept[key], len(robot.clock(duration)[::every]))
+        return _cut(kept[key], len(robot.clock(duration)[:: robot._every]))
 
     Simulator.run = run  # type: ignore[method-assign]
     try:
