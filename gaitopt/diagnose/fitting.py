@@ -41,6 +41,9 @@ ROUNDS = (22, 16, 12, 8, 6, 5, 4, 4, 3, 3)
 HOPELESS = (math.inf, 12.0, 6.0, 4.0)
 """In each round, the last for good, a hypothesis that leaves so many times the least loss is given up."""
 
+TWIN = 0.9
+"""But one whose change has this cosine with that of the best is not: it may only be too small yet."""
+
 WELL = 1.25
 """Mean whitened square of a good fit: where one is found, only the silent get a second start."""
 
@@ -342,6 +345,19 @@ class Fit:
         along += curve.share * products[np.minimum(curve.left + 1, last)]
         return along
 
+    def alike(self, other: Fit) -> float:
+        """Return the greatest cosine between what two effects change, at the sets simulated of either."""
+        one, two = self._changes(), other._changes()
+        sizes = np.outer(np.linalg.norm(one, axis=1), np.linalg.norm(two, axis=1))
+        return float(np.max(np.abs(one @ two.T) / np.maximum(sizes, 1e-12), initial=0.0))
+
+    def _changes(self) -> Array:
+        """Return the whitened changes of the simulated sets, that of the neutral one being 0."""
+        known = np.array([float(p.at[0]) for p in self.points])
+        rows = np.stack([p.whitened for p in self.points])
+        changes: Array = rows - rows[np.abs(known - self.hypothesis.neutral).argmin()]
+        return changes
+
     def faint(self, nominal: Point, well: bool) -> bool:
         """Whether no set has shown what the effect does; beside a good fit, whether all are silent."""
         rows = nominal.whitened
@@ -490,7 +506,8 @@ def _refine(
     for number, most in enumerate(ROUNDS):
         losses = [float(fit.loss().sum()) for fit in fits]
         limit = hopeless[min(number, len(hopeless) - 1)] * max(min(losses, default=0.0), rows)
-        ordered = [fits[i] for i in np.argsort(losses, kind="stable") if losses[i] <= limit]
+        order = np.argsort(losses, kind="stable")
+        ordered = [fits[i] for i in order if losses[i] <= limit or fits[i].alike(fits[order[0]]) >= TWIN]
         wanted = [(fit, fit.wanted()) for fit in ordered[:most]]
         work = [(fit, at) for fit, at in wanted if at is not None]
         count.add(0, -min(most, len(fits)))

@@ -1,8 +1,9 @@
 """Fits of two effects together.
 
-Which two is found in two ways: by adding up what each changes alone, and by simulating every effect on top
-of the best one, since with that the others may do something else than without. The most promising pairs are
-fitted by Gauss and Newton, with slopes measured where the pair is.
+Which two is found in three ways: by adding up what each changes alone; by simulating every effect on top of
+the best one, since with that the others may do something else than without; and by putting effects of like
+signature in the place of either of the best two. The most promising pairs are fitted by Gauss and Newton,
+with slopes measured where the pair is.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.fitting import Count, Fit, Note, Point, simulate
+from gaitopt.diagnose.fitting import TWIN, Count, Fit, Note, Point, simulate
 
 Array = NDArray[np.float64]
 
@@ -23,11 +24,21 @@ _PAIRS = 8
 _ROUNDS = ((8, False), (4, True), (4, False), (3, True), (3, False), (2, False))
 """How many pairs are fitted further, round by round, and whether their slopes are measured anew before."""
 
+_TARGETS = 2
+"""How many pairs of the same two effects, on other targets, may be among them."""
+
+_TWINS = 8
+_TWIN_ROUNDS = ((4, False), (3, True), (3, False), (2, True), (2, False))
+"""How many effects are tried in the place of one of the best two, and the rounds of these pairs."""
+
+_FARTHEST = 0.3
+"""Share of a range that one step may go at most; halved where that was no step down."""
+
 _DIFFERENCE = 0.02
 """Share of a range over which a slope is measured."""
 
 _HOPELESS = 4.0
-"""A pair that leaves so many times the least loss need not be fitted without each fold."""
+"""A pair that leaves so many times the least loss is not near, and need not be fitted without each fold."""
 
 Start = tuple[Fit, Fit, Array]
 """Two fits, and the coordinates at which they are tried together."""
@@ -41,11 +52,13 @@ class PairFit:
         fits: their single fits.
         points: simulated pairs.
         slopes: change of the whitened residual with each coordinate, shape (rows, 2).
+        farthest: share of a range that the next step may go at most.
     """
 
     fits: tuple[Fit, Fit]
     points: list[Point]
     slopes: Array
+    farthest: float = _FARTHEST
 
     @property
     def names(self) -> list[str]:
@@ -67,11 +80,17 @@ class PairFit:
         by_row = np.ones(len(point.whitened)) if weights is None else weights[bench.blocks]
         root = np.sqrt(by_row)[:, None]
         step, *_ = np.linalg.lstsq(root * self.slopes, -root[:, 0] * point.whitened, rcond=None)
-        wanted = [
-            float(np.clip(at + s, f.hypothesis.low, f.hypothesis.high)) - at
-            for at, s, f in zip(point.at.tolist(), step.tolist(), self.fits, strict=True)
-        ]
-        return np.array(wanted)
+        step *= min(1.0, self.farthest / max(float(np.abs(step / self.spans).max()), 1e-9))
+        wanted: Array = np.clip(point.at + step, self._ends(0), self._ends(1)) - point.at
+        return wanted
+
+    @property
+    def spans(self) -> Array:
+        """Length of each coordinate's range."""
+        return self._ends(1) - self._ends(0)
+
+    def _ends(self, side: int) -> Array:
+        return np.array([(fit.hypothesis.low, fit.hypothesis.high)[side] for fit in self.fits])
 
 
 def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Note) -> list[PairFit]:
@@ -84,17 +103,40 @@ def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Not
         note: called as it goes.
     """
     count = Count("fitting pairs of effects", note)
-    pairs = _begun(_starts(fits, nominal), executor, count)
-    pairs = sorted(pairs, key=_promised)[:_PAIRS]
-    for most, fresh in _ROUNDS:
-        pairs.sort(key=_least)
-        if fresh:
-            _measure_slopes(pairs[:most], executor, count)
-        work = [(pair, pair.best().at + pair.step()) for pair in pairs[:most]]
-        for pair, point in _simulated(work, executor, count):
-            _learn(pair, point)
+    pairs = _kept(_begun(_starts(fits, nominal), executor, count), _PAIRS)
+    _improve(pairs, _ROUNDS, executor, count)
+    if pairs:
+        best = min(pairs, key=_least)
+        near = [pair for pair in pairs if _least(pair) <= _HOPELESS * _least(best)]
+        starts = _twins(best, fits, nominal, near)
+        twins = _kept(_begun(starts, executor, count), _PAIRS)
+        _improve(twins, _TWIN_ROUNDS, executor, count)
+        pairs += twins
     _leave_out(pairs, executor, count)
     return pairs
+
+
+def _kept(pairs: Sequence[PairFit], most: int) -> list[PairFit]:
+    """Return the most promising pairs, few of the same effects on other targets."""
+    kept: list[PairFit] = []
+    for pair in sorted(pairs, key=_promised):
+        alike = sum(set(other.names) == set(pair.names) for other in kept)
+        if alike < _TARGETS and len(kept) < most:
+            kept.append(pair)
+    return kept
+
+
+def _improve(
+    pairs: Sequence[PairFit], rounds: Sequence[tuple[int, bool]], executor: Executor, count: Count
+) -> None:
+    """Fit the best of some pairs further, round by round."""
+    for most, fresh in rounds:
+        leading = sorted(pairs, key=_least)[:most]
+        if fresh:
+            _measure_slopes(leading, executor, count)
+        work = [(pair, pair.best().at + pair.step()) for pair in leading]
+        for pair, point in _simulated(work, executor, count):
+            _learn(pair, point)
 
 
 def _starts(fits: Sequence[Fit], nominal: Point) -> list[Start]:
@@ -110,6 +152,36 @@ def _starts(fits: Sequence[Fit], nominal: Point) -> list[Start]:
             _, at = _least_added(best.between("whitened"), fit, nominal)
             found[names] = (best, fit, np.array([best.best(), at]))
     return list(found.values())
+
+
+def _twins(pair: PairFit, fits: Sequence[Fit], nominal: Point, near: Sequence[PairFit]) -> list[Start]:
+    """Return each effect that does much the same as one of a pair, beside the other, if not near yet."""
+    known = {frozenset(fit.hypothesis.name for fit in other.fits) for other in near}
+    found: list[tuple[float, Start]] = []
+    for index, one in enumerate(pair.fits):
+        stays = pair.fits[1 - index]
+        at = float(pair.best().at[1 - index])
+        if len(stays.points) < 2:
+            continue
+        remaining = _along(stays, at)
+        for fit in fits:
+            names = frozenset((stays.hypothesis.name, fit.hypothesis.name))
+            same = fit.hypothesis.effect.name in pair.names
+            if not same and names not in known and one.alike(fit) >= TWIN:
+                least, other = _least_added(remaining, fit, nominal)
+                found.append((least, (stays, fit, np.array([at, other]))))
+    found.sort(key=lambda entry: entry[0])
+    return [start for _, start in found[:_TWINS]]
+
+
+def _along(fit: Fit, at: float) -> Array:
+    """Return the whitened residual of a fit at a coordinate, between the robots simulated."""
+    known = np.array([float(p.at[0]) for p in fit.points])
+    right = int(np.clip(np.searchsorted(known, at), 1, len(known) - 1))
+    low, high = fit.points[right - 1], fit.points[right]
+    share = (at - known[right - 1]) / (known[right] - known[right - 1])
+    mixed: Array = (1.0 - share) * low.whitened + share * high.whitened
+    return mixed
 
 
 def _screened(fit: Fit) -> float:
@@ -177,6 +249,7 @@ def _measure_slopes(pairs: Sequence[PairFit], executor: Executor, count: Count) 
         index = int(np.argmax(np.abs(moved)))
         pair.slopes[:, index] = (point.whitened - best.whitened) / moved[index]
         pair.points.append(point)
+        pair.farthest = _FARTHEST
 
 
 def _leave_out(pairs: Sequence[PairFit], executor: Executor, count: Count) -> None:
@@ -245,14 +318,14 @@ def _simulate_pair(pair: PairFit, at: Array) -> Point | None:
 
 
 def _learn(pair: PairFit, point: Point) -> None:
-    """Take in a simulated pair, and correct the slopes by it as Broyden does."""
-    if pair.points:
-        before = pair.best()
-        span = np.array([fit.hypothesis.high - fit.hypothesis.low for fit in pair.fits])
-        moved = (point.at - before.at) / span
-        size = float(moved @ moved)
-        if size > 1e-10:
-            scaled = pair.slopes * span
-            missed = point.whitened - before.whitened - scaled @ moved
-            pair.slopes = (scaled + np.outer(missed, moved) / size) / span
+    """Take in a simulated pair, correct slopes by it as Broyden does; go less far if it is worse."""
+    before = pair.best()
+    moved = (point.at - before.at) / pair.spans
+    size = float(moved @ moved)
+    if size > 1e-10:
+        scaled = pair.slopes * pair.spans
+        missed = point.whitened - before.whitened - scaled @ moved
+        pair.slopes = (scaled + np.outer(missed, moved) / size) / pair.spans
     pair.points.append(point)
+    if pair.best() is before:
+        pair.farthest = 0.5 * min(pair.farthest, float(np.abs(moved).max()))

@@ -8,6 +8,7 @@ parameter's error. The draws of the covariance will not do, since it has learnt 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -28,6 +29,12 @@ _STREAM = 26
 _TAIL = 0.95
 _LIKELY = 2.71
 """Loss by which a parameter's 90 % interval ends, in units of one tempered square."""
+
+_NEAR = 0.06
+"""Share of a range within which simulated robots show together how a response changes."""
+
+_APART = 0.002
+"""Robots of a pair that are so close, in ranges, do not show two slopes."""
 
 
 @dataclass(frozen=True)
@@ -101,16 +108,18 @@ def excludes_none(rival: Rival, bench: Bench, drawn: Array) -> bool:
 
 def _interval(fit: Fit, drawn: Array, unit: float) -> tuple[float, float]:
     """Return an interval whose sides may differ: where the loss is flat on one side, it reaches far there."""
-    curve = fit.curve
+    curve, h = fit.curve, fit.hypothesis
     total = curve.losses.sum(axis=0)
     best = float(curve.at[np.argmin(total)])
     shifted = np.array([curve.at[np.argmin(total + 2.0 * fit.product(row))] for row in drawn]) - best
     likely = curve.at[total <= total.min() + _LIKELY * unit] - best
+    nearest = min(fit.points, key=lambda point: abs(float(point.at[0]) - best))
+    even = float(_half_widths(fit.points, nearest, np.array([h.high - h.low]), None, drawn, unit)[0])
     sides = []
     for side in (-1.0, 1.0):
         reach = _reach(side * shifted)
-        sides.append(best + side * math.hypot(reach, float(max(0.0, (side * likely).max()))))
-    h = fit.hypothesis
+        uneven = math.hypot(reach, float(max(0.0, (side * likely).max())))
+        sides.append(best + side * max(even, uneven))
     low, high = sorted(h.value(min(max(at, h.low), h.high)) for at in sides)
     return low, high
 
@@ -126,12 +135,49 @@ def _reach(shifted: Array) -> float:
 def _pair_intervals(
     pair: PairFit, best: tuple[float, ...], drawn: Array, unit: float
 ) -> list[tuple[float, float]]:
-    inverse = np.linalg.pinv(pair.slopes)
-    shifted = -drawn @ inverse.T
-    likely = np.sqrt(_LIKELY * unit * np.diag(inverse @ inverse.T))
+    halves = _half_widths(pair.points, pair.best(), pair.spans, pair.slopes * pair.spans, drawn, unit)
     found = []
-    for index, fit in enumerate(pair.fits):
-        h, half = fit.hypothesis, math.hypot(_reach(shifted[:, index]), float(likely[index]))
-        low, high = sorted(h.value(min(max(best[index] + s * half, h.low), h.high)) for s in (-1.0, 1.0))
+    for fit, at, half in zip(pair.fits, best, halves.tolist(), strict=True):
+        h = fit.hypothesis
+        low, high = sorted(h.value(min(max(at + s * half, h.low), h.high)) for s in (-1.0, 1.0))
         found.append((low, high))
     return found
+
+
+def _half_widths(
+    points: Sequence[Point], best: Point, spans: Array, known: Array | None, drawn: Array, unit: float
+) -> Array:
+    """Return the half-width of each coordinate's interval, the response being linear but for its jumps.
+
+    Contacts make a response jagged: from one simulated robot to the next it jumps, which makes slopes over
+    short distances steep, and lets the luckiest of near robots win. So slopes are those of all near robots
+    together, and by what these are off them the loss may differ by chance.
+
+    Args:
+        points: simulated robots.
+        best: the one about which the interval is.
+        spans: length of each coordinate's range.
+        known: slopes where too few robots are near, shape (rows, coordinates), for whole ranges.
+        drawn: changes with robots drawn, shape (draws, rows).
+        unit: squares that count as one.
+    """
+    moved = np.array([(point.at - best.at) / spans for point in points])
+    changes = np.array([point.whitened - best.whitened for point in points])
+    distance = np.abs(moved).max(axis=1)
+    near = (distance > 0.0) & (distance <= _NEAR)
+    shown = near.copy()
+    if len(spans) == 1:
+        for side in (-1.0, 1.0):
+            ahead = np.where(side * moved[:, 0] > 0.0, distance, np.inf)
+            shown[np.argmin(ahead)] |= bool(np.isfinite(ahead).any())
+    if known is None or np.linalg.matrix_rank(moved[shown], tol=_APART) == len(spans):
+        slopes = np.linalg.lstsq(moved[shown], changes[shown], rcond=None)[0].T
+    else:
+        slopes = known
+    jumps = np.sum((changes[near] - moved[near] @ slopes.T) ** 2, axis=1)
+    inverse = np.linalg.pinv(slopes)
+    shifted = -drawn @ inverse.T
+    chance = _LIKELY * unit + (float(np.median(jumps)) if len(jumps) else 0.0)
+    likely = np.sqrt(chance * np.diag(inverse @ inverse.T))
+    halves: Array = spans * np.hypot([_reach(column) for column in shifted.T], likely)
+    return halves
