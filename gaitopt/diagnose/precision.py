@@ -33,6 +33,9 @@ _LIKELY = 2.71
 _NEAR = 0.06
 """Share of a range within which simulated robots show together how a response changes."""
 
+_NEAREST = 3
+"""So many of them show how it jumps: the others are off a line because it is curved."""
+
 _APART = 0.002
 """Robots of a pair that are so close, in ranges, do not show two slopes."""
 
@@ -151,7 +154,7 @@ def _half_widths(
 
     Contacts make a response jagged: from one simulated robot to the next it jumps, which makes slopes over
     short distances steep, and lets the luckiest of near robots win. So slopes are those of all near robots
-    together, and by what these are off them the loss may differ by chance.
+    together, and by what the nearest are off them the loss may differ by chance.
 
     Args:
         points: simulated robots.
@@ -174,7 +177,8 @@ def _half_widths(
         slopes = np.linalg.lstsq(moved[shown], changes[shown], rcond=None)[0].T
     else:
         slopes = known
-    jumps = np.sum((changes[near] - moved[near] @ slopes.T) ** 2, axis=1)
+    nearest = np.flatnonzero(near)[np.argsort(distance[near], kind="stable")][:_NEAREST]
+    jumps = np.sum((changes[nearest] - moved[nearest] @ slopes.T) ** 2, axis=1)
     inverse = np.linalg.pinv(slopes)
     shifted = -drawn @ inverse.T
     chance = _LIKELY * unit + (float(np.median(jumps)) if len(jumps) else 0.0)
