@@ -19,10 +19,12 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from shared_rollouts import shared_rollouts
 
 from gaitopt.diagnose.blind import Draw, Maker, draw_case, filmed_s, maker, shoot, write_recordings
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.diagnosis import Diagnosis, diagnose
+from gaitopt.diagnose.predict import gait_key
 from gaitopt.diagnose.scoring import mean, rate
 from gaitopt.errors import GaitoptError
 from gaitopt.files import write_text
@@ -113,7 +115,9 @@ def main() -> None:
     options = parser.parse_args()
     problem = load_problem("arcfold")
     rows: list[dict[str, Any]] = []
-    with open_executor("threads", None) as executor:
+    first = problem.baselines[FIRST]
+    longest = {gait_key(first): filmed_s(first, SECONDS)}
+    with open_executor("threads", None) as executor, shared_rollouts(longest):
         made = maker(problem, [FIRST], SECONDS, SIGNALS, executor)
         study = Study(made, options.seed, executor)
         for index in count():
