@@ -201,7 +201,7 @@ def _begun(starts: Sequence[Start], executor: Executor, count: Count) -> list[Pa
     for pair, point in _simulated(work, executor, count):
         one, other = pair.fits
         pair.slopes[:, 0] = _slope(one, float(point.at[0]))
-        alone = one.between("whitened")
+        alone = _along(one, float(point.at[0]))
         pair.slopes[:, 1] = (point.whitened - alone) / (point.at[1] - other.hypothesis.neutral)
         pair.points.append(point)
         begun.append(pair)
