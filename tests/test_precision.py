@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gaitopt.diagnose import precision
+from gaitopt.diagnose import precision, response
 from gaitopt.diagnose.evidence import Rival
 from gaitopt.diagnose.fitting import Bench, Fit, Point
 from gaitopt.diagnose.pairs import PairFit
@@ -69,6 +69,19 @@ def test_an_interval_of_a_pair_covers_too():
         found = precision.intervals(rival, fits[0].bench, drawn)
         covered += sum(low <= TRUE <= high for low, high in found)
     assert 0.85 * 600 <= covered <= 0.97 * 600
+
+
+@pytest.mark.parametrize("size", [0.0, 3.0])
+def test_jumps_are_told_from_slopes(size):
+    """Robots a thousandth of the range apart have the slope of the whole, however each of them jumps."""
+    rng = np.random.default_rng(8)
+    slope, jumps = rng.standard_normal(ROWS) * 40.0, size * rng.standard_normal((5, ROWS))
+    at = [0.0, 0.898, 0.9, 0.902, 2.0]
+    rival = fitted(TRUE * slope, lambda a: a * slope + jumps[at.index(a)], at)
+    found = response.of_fit(rival.fits[0])
+    assert np.linalg.norm(found.slopes[:, 0] + 2.0 * slope) <= 0.1 * np.linalg.norm(2.0 * slope)
+    assert found.jump == pytest.approx(2.0 * ROWS * size**2, rel=0.5, abs=1e-9)
+    assert (found.luck > 1.0) == (size > 0.0)
 
 
 def test_what_drawn_robots_leave_is_told_by_trial():

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.diagnose import response
 from gaitopt.diagnose.fitting import Bench, Fit, Point
 from gaitopt.diagnose.pairs import PairFit
 
@@ -21,6 +22,9 @@ Array = NDArray[np.float64]
 
 TEMPER = 6.0
 """Whitened squares that count as one: what is left of a right model is alike from bin to bin."""
+
+LUCK = 0.5
+"""Share of the jumps of the loss near the best rival that is added to it."""
 
 PRIOR_WEIGHT = 0.3
 """Weight of the prior of a fitted parameter: bounds and priors are guesses too."""
@@ -140,12 +144,24 @@ def left_by_trial(bench: Bench, rival: Rival) -> dict[int, float]:
 
 
 def scores(bench: Bench, rivals: Sequence[Rival]) -> Array:
-    """Return the logarithm of each rival's posterior weight, up to a constant."""
+    """Return the logarithm of each rival's posterior weight, up to a constant.
+
+    A difference that half of the jumps near the best rival would make is no evidence: fewer or more robots
+    simulated near another would have changed it as much.
+    """
     held_out = np.array([rival.evidence for rival in rivals])
     unit = TEMPER * max(1.0, float(held_out.min()) / bench.rows_of_blocks.sum())
+    unit += LUCK * _luck(rivals[int(np.argmin(held_out))])
     priors = np.array([PRIOR_WEIGHT * r.log_prior + sum(_share(f) for f in r.fits) for r in rivals])
     weights: Array = -0.5 * held_out / unit + priors
     return weights
+
+
+def _luck(rival: Rival) -> float:
+    """Return by how much losses of near robots differ by chance."""
+    if rival.pair is not None:
+        return response.of_pair(rival.pair).luck
+    return response.of_fit(rival.fits[0]).luck if rival.fits else 0.0
 
 
 def _share(fit: Fit) -> float:

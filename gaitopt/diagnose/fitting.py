@@ -44,9 +44,6 @@ HOPELESS = (math.inf, 12.0, 6.0, 4.0)
 TWIN = 0.9
 """But one whose change has this cosine with that of the best is not: it may only be too small yet."""
 
-WELL = 1.25
-"""Mean whitened square of a good fit: where one is found, only the silent get a second start."""
-
 _TOLERANCE = 0.004
 """A parameter nearer to a simulated one than this share of its range need not be simulated again."""
 
@@ -64,8 +61,8 @@ _STRIDE = 0.12
 _FAINT = 0.3
 """A start that changes less than this share of the nominal residual has not shown what its effect does."""
 
-_SILENT = 0.05
-"""One that changes so little, as a mean whitened square, is a limit not yet reached or will never matter."""
+_EXPLORED = 0.5
+"""A side on which a robot was simulated so far on the way to its bound needs no second start."""
 
 Note = Callable[[str, int, int], None]
 """Called with what is being done, how many robots have been simulated, and how many may be at most."""
@@ -353,16 +350,31 @@ class Fit:
 
     def _changes(self) -> Array:
         """Return the whitened changes of the simulated sets, that of the neutral one being 0."""
-        known = np.array([float(p.at[0]) for p in self.points])
-        rows = np.stack([p.whitened for p in self.points])
-        changes: Array = rows - rows[np.abs(known - self.hypothesis.neutral).argmin()]
+        changes: Array = np.stack([p.whitened for p in self.points]) - self._neutral
         return changes
 
-    def faint(self, nominal: Point, well: bool) -> bool:
-        """Whether no set has shown what the effect does; beside a good fit, whether all are silent."""
-        rows = nominal.whitened
-        least = _SILENT * len(rows) if well else _FAINT**2 * float(rows @ rows)
-        return all(float(np.sum((p.whitened - rows) ** 2)) < least for p in self.points)
+    @property
+    def _neutral(self) -> Array:
+        """The whitened residual without the effect."""
+        return min(self.points, key=lambda p: abs(float(p.at[0]) - self.hypothesis.neutral)).whitened
+
+    @property
+    def far(self) -> list[float]:
+        """Where to start again: far out on each side left near neutral, if nothing shows or the loss falls.
+
+        A limit shows nothing until it is reached, and some responses set in late.
+        """
+        h, losses = self.hypothesis, [float(p.whitened @ p.whitened) for p in self.points]
+        faint = np.sum(self._changes() ** 2, axis=1).max() < _FAINT**2 * float(self._neutral @ self._neutral)
+        starts = []
+        for bound in h.sides:
+            ways = [(float(p.at[0]) - h.neutral) / (bound - h.neutral) for p in self.points]
+            ahead = sorted((way, loss) for way, loss in zip(ways, losses, strict=True) if way > -1e-9)
+            way, last = ahead[-1]
+            falling = len(ahead) > 1 and last <= min(loss for _, loss in ahead)
+            if way < _EXPLORED and (faint or falling):
+                starts += h.far(bound)
+        return starts
 
     def wanted(self) -> float | None:
         """Return the coordinate to simulate next, or None where that would tell nothing new."""
@@ -464,8 +476,7 @@ def fit_all(
     _simulate_each([(fit, at) for fit in fits for at in fit.hypothesis.screened], executor, count)
     rows = len(nominal.whitened)
     _refine(fits, rows, executor, count)
-    well = min((float(fit.loss().sum()) for fit in fits), default=0.0) <= WELL * rows
-    far = [(fit, at) for fit in fits if fit.faint(nominal, well) for at in fit.hypothesis.far]
+    far = [(fit, at) for fit in fits for at in fit.far]
     _simulate_each(far, executor, count)
     _refine(fits, rows, executor, count, HOPELESS[2:])
     _finish(fits, executor, count)

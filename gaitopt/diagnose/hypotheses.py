@@ -17,7 +17,7 @@ _SCREENED = 0.2
 """Share of the way from neutral to a bound at which a hypothesis is screened first."""
 
 _FAR = 0.6
-"""The same of the second start, where the first showed little and none led to a good fit."""
+"""The same of the second start, where the first showed little or led on."""
 
 _OBSERVED = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Shares tried where no simulation is needed."""
@@ -79,10 +79,9 @@ class Hypothesis:
         roomy = sorted(self.sides, key=lambda bound: abs(bound - self.neutral))[-1:]
         return self._at(roomy, (_SCREENED,))
 
-    @property
-    def far(self) -> list[float]:
-        """Coordinates of the second starts; none where the first try was dense."""
-        return self._at(self.sides, (_FAR,)) if self.effect.observe is None else []
+    def far(self, bound: float) -> list[float]:
+        """Coordinates of the second start towards a bound; none where the first try was dense."""
+        return self._at((bound,), (_FAR,)) if self.effect.observe is None else []
 
     @property
     def sides(self) -> list[float]:

@@ -8,7 +8,6 @@ parameter's error. The draws of the covariance will not do, since it has learnt 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -16,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from gaitopt.diagnose import response
 from gaitopt.diagnose.evidence import TEMPER, Rival
 from gaitopt.diagnose.fitting import Bench, Fit, Point, film
 from gaitopt.diagnose.nuisances import nuisance_robots
 from gaitopt.diagnose.pairs import PairFit
+from gaitopt.diagnose.response import Response
 from gaitopt.rollout import Simulator
 
 Array = NDArray[np.float64]
@@ -29,15 +30,6 @@ _STREAM = 26
 _TAIL = 0.95
 _LIKELY = 2.71
 """Loss by which a parameter's 90 % interval ends, in units of one tempered square."""
-
-_NEAR = 0.06
-"""Share of a range within which simulated robots show together how a response changes."""
-
-_NEAREST = 3
-"""So many of them show how it jumps: the others are off a line because it is curved."""
-
-_APART = 0.002
-"""Robots of a pair that are so close, in ranges, do not show two slopes."""
 
 
 @dataclass(frozen=True)
@@ -116,8 +108,7 @@ def _interval(fit: Fit, drawn: Array, unit: float) -> tuple[float, float]:
     best = float(curve.at[np.argmin(total)])
     shifted = np.array([curve.at[np.argmin(total + 2.0 * fit.product(row))] for row in drawn]) - best
     likely = curve.at[total <= total.min() + _LIKELY * unit] - best
-    nearest = min(fit.points, key=lambda point: abs(float(point.at[0]) - best))
-    even = float(_half_widths(fit.points, nearest, np.array([h.high - h.low]), None, drawn, unit)[0])
+    even = (h.high - h.low) * float(_half_widths(response.of_fit(fit), drawn, unit)[0])
     sides = []
     for side in (-1.0, 1.0):
         reach = _reach(side * shifted)
@@ -138,7 +129,7 @@ def _reach(shifted: Array) -> float:
 def _pair_intervals(
     pair: PairFit, best: tuple[float, ...], drawn: Array, unit: float
 ) -> list[tuple[float, float]]:
-    halves = _half_widths(pair.points, pair.best(), pair.spans, pair.slopes * pair.spans, drawn, unit)
+    halves = pair.spans * _half_widths(response.of_pair(pair), drawn, unit)
     found = []
     for fit, at, half in zip(pair.fits, best, halves.tolist(), strict=True):
         h = fit.hypothesis
@@ -147,41 +138,10 @@ def _pair_intervals(
     return found
 
 
-def _half_widths(
-    points: Sequence[Point], best: Point, spans: Array, known: Array | None, drawn: Array, unit: float
-) -> Array:
-    """Return the half-width of each coordinate's interval, the response being linear but for its jumps.
-
-    Contacts make a response jagged: from one simulated robot to the next it jumps, which makes slopes over
-    short distances steep, and lets the luckiest of near robots win. So slopes are those of all near robots
-    together, and by what the nearest are off them the loss may differ by chance.
-
-    Args:
-        points: simulated robots.
-        best: the one about which the interval is.
-        spans: length of each coordinate's range.
-        known: slopes where too few robots are near, shape (rows, coordinates), for whole ranges.
-        drawn: changes with robots drawn, shape (draws, rows).
-        unit: squares that count as one.
-    """
-    moved = np.array([(point.at - best.at) / spans for point in points])
-    changes = np.array([point.whitened - best.whitened for point in points])
-    distance = np.abs(moved).max(axis=1)
-    near = (distance > 0.0) & (distance <= _NEAR)
-    shown = near.copy()
-    if len(spans) == 1:
-        for side in (-1.0, 1.0):
-            ahead = np.where(side * moved[:, 0] > 0.0, distance, np.inf)
-            shown[np.argmin(ahead)] |= bool(np.isfinite(ahead).any())
-    if known is None or np.linalg.matrix_rank(moved[shown], tol=_APART) == len(spans):
-        slopes = np.linalg.lstsq(moved[shown], changes[shown], rcond=None)[0].T
-    else:
-        slopes = known
-    nearest = np.flatnonzero(near)[np.argsort(distance[near], kind="stable")][:_NEAREST]
-    jumps = np.sum((changes[nearest] - moved[nearest] @ slopes.T) ** 2, axis=1)
-    inverse = np.linalg.pinv(slopes)
-    shifted = -drawn @ inverse.T
-    chance = _LIKELY * unit + (float(np.median(jumps)) if len(jumps) else 0.0)
-    likely = np.sqrt(chance * np.diag(inverse @ inverse.T))
-    halves: Array = spans * np.hypot([_reach(column) for column in shifted.T], likely)
+def _half_widths(near: Response, drawn: Array, unit: float) -> Array:
+    """Return each interval's half-width in ranges, the response being even but for its jumps."""
+    inverse = np.linalg.pinv(near.slopes)
+    reaches = [_reach(column) for column in (-drawn @ inverse.T).T]
+    likely = np.sqrt((_LIKELY * unit + near.jump) * np.diag(inverse @ inverse.T))
+    halves: Array = np.hypot(reaches, likely)
     return halves
