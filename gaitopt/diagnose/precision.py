@@ -33,7 +33,7 @@ _LIKELY = 2.71
 
 
 _JUMPED = 0.5
-"""Share of a jump of the response by which a fit may be off: on fifty cases, nine in ten intervals covered."""
+"""Share of a jump of the response by which a fit may be off: nine in ten of fifty intervals covered."""
 
 
 @dataclass(frozen=True)
