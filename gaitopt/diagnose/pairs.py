@@ -31,6 +31,10 @@ _TWINS = 8
 _TWIN_ROUNDS = ((4, False), (3, True), (3, False), (2, True), (2, False))
 """How many effects are tried in the place of one of the best two, and the rounds of these pairs."""
 
+_LAST_ROUNDS = ((2, True), (2, False), (2, True), (2, False))
+_PROBED = 0.15
+"""How far off, in ranges, the best are probed before their slopes are measured for the last rounds."""
+
 _FARTHEST = 0.3
 """Share of a range that one step may go at most; halved where that was no step down."""
 
@@ -81,8 +85,13 @@ class PairFit:
         root = np.sqrt(by_row)[:, None]
         step, *_ = np.linalg.lstsq(root * self.slopes, -root[:, 0] * point.whitened, rcond=None)
         step *= min(1.0, self.farthest / max(float(np.abs(step / self.spans).max()), 1e-9))
-        wanted: Array = np.clip(point.at + step, self._ends(0), self._ends(1)) - point.at
+        wanted: Array = self.within(point.at + step) - point.at
         return wanted
+
+    def within(self, at: Array) -> Array:
+        """Return the nearest coordinates inside the ranges."""
+        inside: Array = np.clip(at, self._ends(0), self._ends(1))
+        return inside
 
     @property
     def spans(self) -> Array:
@@ -112,6 +121,10 @@ def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Not
         twins = _kept(_begun(starts, executor, count), _PAIRS)
         _improve(twins, _TWIN_ROUNDS, executor, count)
         pairs += twins
+    for most, fresh in _LAST_ROUNDS:
+        if fresh:
+            _probe(sorted(pairs, key=_least)[:most], executor, count)
+        _improve(pairs, ((most, fresh),), executor, count)
     _leave_out(pairs, executor, count)
     return pairs
 
@@ -250,6 +263,18 @@ def _measure_slopes(pairs: Sequence[PairFit], executor: Executor, count: Count) 
         pair.slopes[:, index] = (point.whitened - best.whitened) / moved[index]
         pair.points.append(point)
         pair.farthest = _FARTHEST
+
+
+def _probe(pairs: Sequence[PairFit], executor: Executor, count: Count) -> None:
+    """Look a good way off along each coordinate of pairs: a jagged response has more than one valley."""
+    work = []
+    for pair in pairs:
+        for way in np.concatenate([np.diag(pair.spans), -np.diag(pair.spans)]):
+            at = pair.within(pair.best().at + _PROBED * way)
+            if not np.array_equal(at, pair.best().at):
+                work.append((pair, at))
+    for pair, point in _simulated(work, executor, count):
+        pair.points.append(point)
 
 
 def _leave_out(pairs: Sequence[PairFit], executor: Executor, count: Count) -> None:
