@@ -241,21 +241,19 @@ def conclude(
     two = both is not None and _needed(ready, best, both)
     order, chances, idle = _ranked(ready, doubles if two else singles, none)
     drawn = precision.drawn_about(ready, order[0], executor, seed)
-    if two and not precision.excludes_none(order[0], ready, drawn.changes):
+    shown = precision.excludes_none(order[0], ready, drawn.changes)
+    if two and not shown:
         two = False
         order, chances, idle = _ranked(ready, singles, none)
         drawn = precision.drawn_about(ready, order[0], executor, seed)
+        shown = precision.excludes_none(order[0], ready, drawn.changes)
     first = order[0]
     chance_alone = evidence.p_value(ready, nominal, singles, none.evidence - first.evidence, seed)
     gap = evidence.gap_of(ready, nominal, first, floor_m, seed)
     remains = _remains(ready, first, none, precision.expected(ready, drawn.changes))
     uneven = unevenness(ready, floors, drawn.points)
     other = max(_other(remains / _OTHER_HALF), _other(uneven / UNEVEN))
-    improves = (
-        chance_alone <= SIGNIFICANCE
-        and first.evidence < _IMPROVED * none.evidence
-        and precision.excludes_none(first, ready, drawn.changes)
-    )
+    improves = chance_alone <= SIGNIFICANCE and first.evidence < _IMPROVED * none.evidence and shown
     quiet = evidence.left(ready, none) <= FAINT_GAP
     causes, rest = _named(order, chances, two, idle)
     if not improves:

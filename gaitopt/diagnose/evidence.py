@@ -35,9 +35,6 @@ IN_SET = 0.05
 SET_SHARE = 0.97
 """And the answer's rivals are this probable together."""
 
-ALIKE = 0.9
-"""Signatures are said to be alike from this cosine on."""
-
 _BOOTSTRAPS = 400
 _DRAWS = 999
 

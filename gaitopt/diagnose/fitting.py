@@ -41,8 +41,8 @@ ROUNDS = (22, 16, 12, 8, 6, 5, 4, 4, 3, 3)
 HOPELESS = (math.inf, 12.0, 6.0, 4.0)
 """In each round, the last for good, a hypothesis that leaves so many times the least loss is given up."""
 
-TWIN = 0.9
-"""But one whose change has this cosine with that of the best is not: it may only be too small yet."""
+ALIKE = 0.9
+"""Signatures are alike from this cosine on. One like the best is not given up: it may be too small yet."""
 
 _TOLERANCE = 0.004
 """A parameter nearer to a simulated one than this share of its range need not be simulated again."""
@@ -518,7 +518,7 @@ def _refine(
         losses = [float(fit.loss().sum()) for fit in fits]
         limit = hopeless[min(number, len(hopeless) - 1)] * max(min(losses, default=0.0), rows)
         order = np.argsort(losses, kind="stable")
-        ordered = [fits[i] for i in order if losses[i] <= limit or fits[i].alike(fits[order[0]]) >= TWIN]
+        ordered = [fits[i] for i in order if losses[i] <= limit or fits[i].alike(fits[order[0]]) >= ALIKE]
         wanted = [(fit, fit.wanted()) for fit in ordered[:most]]
         work = [(fit, at) for fit, at in wanted if at is not None]
         count.add(0, -min(most, len(fits)))

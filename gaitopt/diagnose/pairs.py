@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.fitting import TWIN, Count, Fit, Note, Point, simulate
+from gaitopt.diagnose.fitting import ALIKE, Count, Fit, Note, Point, simulate
 
 Array = NDArray[np.float64]
 
@@ -31,9 +31,10 @@ _TWINS = 8
 _TWIN_ROUNDS = ((4, False), (3, True), (3, False), (2, True), (2, False))
 """How many effects are tried in the place of one of the best two, and the rounds of these pairs."""
 
-_LAST_ROUNDS = ((2, True), (2, False), (2, True), (2, False))
+_PROBES = 2
 _PROBED = 0.15
-"""How far off, in ranges, the best are probed before their slopes are measured for the last rounds."""
+_PROBED_ROUNDS = ((2, True), (2, False))
+"""How often, and how far off, in ranges, the best are probed at last, and the rounds after each time."""
 
 _FARTHEST = 0.3
 """Share of a range that one step may go at most; halved where that was no step down."""
@@ -116,15 +117,13 @@ def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Not
     _improve(pairs, _ROUNDS, executor, count)
     if pairs:
         best = min(pairs, key=_least)
-        near = [pair for pair in pairs if _least(pair) <= _HOPELESS * _least(best)]
-        starts = _twins(best, fits, nominal, near)
+        starts = _twins(best, fits, nominal, _near(pairs))
         twins = _kept(_begun(starts, executor, count), _PAIRS)
         _improve(twins, _TWIN_ROUNDS, executor, count)
         pairs += twins
-    for most, fresh in _LAST_ROUNDS:
-        if fresh:
-            _probe(sorted(pairs, key=_least)[:most], executor, count)
-        _improve(pairs, ((most, fresh),), executor, count)
+    for _ in range(_PROBES):
+        _probe(sorted(pairs, key=_least)[: _PROBED_ROUNDS[0][0]], executor, count)
+        _improve(pairs, _PROBED_ROUNDS, executor, count)
     _leave_out(pairs, executor, count)
     return pairs
 
@@ -176,25 +175,27 @@ def _twins(pair: PairFit, fits: Sequence[Fit], nominal: Point, near: Sequence[Pa
         at = float(pair.best().at[1 - index])
         if len(stays.points) < 2:
             continue
-        remaining = _along(stays, at)
+        remaining, _ = _line(stays, at)
         for fit in fits:
             names = frozenset((stays.hypothesis.name, fit.hypothesis.name))
             same = fit.hypothesis.effect.name in pair.names
-            if not same and names not in known and one.alike(fit) >= TWIN:
+            if not same and names not in known and one.alike(fit) >= ALIKE:
                 least, other = _least_added(remaining, fit, nominal)
                 found.append((least, (stays, fit, np.array([at, other]))))
     found.sort(key=lambda entry: entry[0])
     return [start for _, start in found[:_TWINS]]
 
 
-def _along(fit: Fit, at: float) -> Array:
-    """Return the whitened residual of a fit at a coordinate, between the robots simulated."""
+def _line(fit: Fit, at: float) -> tuple[Array, Array]:
+    """Return the whitened residual of a fit at a coordinate, between the robots simulated, and its slope."""
     known = np.array([float(p.at[0]) for p in fit.points])
     right = int(np.clip(np.searchsorted(known, at), 1, len(known) - 1))
     low, high = fit.points[right - 1], fit.points[right]
-    share = (at - known[right - 1]) / (known[right] - known[right - 1])
+    gap = known[right] - known[right - 1]
+    share = (at - known[right - 1]) / gap
     mixed: Array = (1.0 - share) * low.whitened + share * high.whitened
-    return mixed
+    slope: Array = (high.whitened - low.whitened) / gap
+    return mixed, slope
 
 
 def _screened(fit: Fit) -> float:
@@ -213,8 +214,7 @@ def _begun(starts: Sequence[Start], executor: Executor, count: Count) -> list[Pa
     begun = []
     for pair, point in _simulated(work, executor, count):
         one, other = pair.fits
-        pair.slopes[:, 0] = _slope(one, float(point.at[0]))
-        alone = _along(one, float(point.at[0]))
+        alone, pair.slopes[:, 0] = _line(one, float(point.at[0]))
         pair.slopes[:, 1] = (point.whitened - alone) / (point.at[1] - other.hypothesis.neutral)
         pair.points.append(point)
         begun.append(pair)
@@ -229,6 +229,12 @@ def _promised(pair: PairFit) -> float:
 
 def _least(pair: PairFit) -> float:
     return float(np.sum(pair.best().whitened ** 2))
+
+
+def _near(pairs: Sequence[PairFit]) -> list[PairFit]:
+    """Return the pairs that do not leave many times what the best one leaves."""
+    limit = _HOPELESS * min((_least(pair) for pair in pairs), default=0.0)
+    return [pair for pair in pairs if _least(pair) <= limit]
 
 
 def _simulated(
@@ -282,18 +288,16 @@ def _leave_out(pairs: Sequence[PairFit], executor: Executor, count: Count) -> No
 
     Slopes do not tell what such a pair foretells of a gait that it has not seen: fast ones are not even.
     """
-    limit = _HOPELESS * min((_least(pair) for pair in pairs), default=0.0)
     work = [
         (pair, pair.best(weights).at + pair.step(weights))
-        for pair in pairs
-        if _least(pair) <= limit
+        for pair in _near(pairs)
         for _, weights in pair.fits[0].bench.left_out
     ]
     for pair, point in _simulated(work, executor, count):
         pair.points.append(point)
 
 
-def _promising(fits: Sequence[Fit], nominal: Point) -> list[tuple[Fit, Fit, Array]]:
+def _promising(fits: Sequence[Fit], nominal: Point) -> list[Start]:
     """Return the best sums of two changes: both fits and the coordinates."""
     ordered = sorted(fits, key=lambda fit: float(fit.loss().sum()))[: 2 * _FIRSTS]
     found: dict[tuple[str, str], tuple[float, Fit, Fit, Array]] = {}
@@ -323,15 +327,6 @@ def _least_added(remaining: Array, fit: Fit, nominal: Point) -> tuple[float, flo
         if loss < best:
             best, at = loss, float(low.at[0] + share * (high.at[0] - low.at[0]))
     return best, at
-
-
-def _slope(fit: Fit, at: float) -> Array:
-    """Return the change of the whitened residual with a fit's coordinate, near a coordinate."""
-    known = [float(p.at[0]) for p in fit.points]
-    left = int(np.clip(np.searchsorted(known, at) - 1, 0, len(known) - 2))
-    low, high = fit.points[left], fit.points[left + 1]
-    slope: Array = (high.whitened - low.whitened) / float(high.at[0] - low.at[0])
-    return slope
 
 
 def _simulate_pair(pair: PairFit, at: Array) -> Point | None:

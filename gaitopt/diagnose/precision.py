@@ -8,6 +8,7 @@ parameter's error. The draws of the covariance will not do, since it has learnt 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ from scipy import stats
 from gaitopt.diagnose import response
 from gaitopt.diagnose.evidence import TEMPER, Rival
 from gaitopt.diagnose.fitting import Bench, Fit, Point, film
+from gaitopt.diagnose.hypotheses import Hypothesis
 from gaitopt.diagnose.nuisances import nuisance_robots
 from gaitopt.diagnose.pairs import PairFit
 from gaitopt.diagnose.response import Response
@@ -30,7 +32,6 @@ _STREAM = 26
 _TAIL = 0.95
 _LIKELY = 2.71
 """Loss by which a parameter's 90 % interval ends, in units of one tempered square."""
-
 
 _JUMPED = 0.5
 """Share of a jump of the response by which a fit may be off: nine in ten of fifty intervals covered."""
@@ -118,6 +119,11 @@ def _interval(fit: Fit, drawn: Array, unit: float) -> tuple[float, float]:
         reach = _reach(side * shifted)
         uneven = math.hypot(reach, float(max(0.0, (side * likely).max())))
         sides.append(best + side * max(even, uneven))
+    return _values(h, sides)
+
+
+def _values(h: Hypothesis, sides: Sequence[float]) -> tuple[float, float]:
+    """Return the parameter at both ends of an interval, which a range may cut off."""
     low, high = sorted(h.value(min(max(at, h.low), h.high)) for at in sides)
     return low, high
 
@@ -134,12 +140,8 @@ def _pair_intervals(
     pair: PairFit, best: tuple[float, ...], drawn: Array, unit: float
 ) -> list[tuple[float, float]]:
     halves = pair.spans * _half_widths(response.of_pair(pair), drawn, unit)
-    found = []
-    for fit, at, half in zip(pair.fits, best, halves.tolist(), strict=True):
-        h = fit.hypothesis
-        low, high = sorted(h.value(min(max(at + s * half, h.low), h.high)) for s in (-1.0, 1.0))
-        found.append((low, high))
-    return found
+    sides = zip(pair.fits, best, halves.tolist(), strict=True)
+    return [_values(fit.hypothesis, (at - half, at + half)) for fit, at, half in sides]
 
 
 def _half_widths(near: Response, drawn: Array, unit: float) -> Array:

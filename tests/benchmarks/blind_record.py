@@ -29,7 +29,7 @@ from shared_rollouts import shared_rollouts
 from gaitopt.diagnose.blind import Maker, kinds_of, make_case, maker
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.diagnosis import diagnose
-from gaitopt.diagnose.evidence import ALIKE
+from gaitopt.diagnose.fitting import ALIKE
 from gaitopt.diagnose.hypotheses import RECORD_DEFECTS
 from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.outside import OUTSIDE
