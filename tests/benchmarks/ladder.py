@@ -22,21 +22,21 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import searches
 from numpy.typing import NDArray
 from rivals import ROBOTS
 from scipy.stats import spearmanr
+from searches import judged, setting_of
 
 from gaitopt.gait import Gait
 from gaitopt.optimise import ladder, run, study
 from gaitopt.optimise.evaluator import Evaluator, Setting
 from gaitopt.optimise.executors import SerialExecutor
-from gaitopt.optimise.journal import WORKING, Journal
-from gaitopt.optimise.verification import SEARCH, scenarios_of, verify
-from gaitopt.plan import Planner, PlanSettings
+from gaitopt.optimise.journal import WORKING
+from gaitopt.optimise.verification import verify
 from gaitopt.problem import Problem, load_problem
 
 NEIGHBOURS = 16
@@ -56,8 +56,7 @@ Floats = NDArray[np.float64]
 @cache
 def planned(case: str, seed: int) -> tuple[Gait, ...]:
     """Return the gaits of a plan, the same for every search of a seed."""
-    settings = PlanSettings(seed=seed)
-    return tuple(elite.gait for elite in Planner(problem_of(case), settings).plan().elites)
+    return searches.planned(problem_of(case), seed)
 
 
 def problem_of(case: str) -> Problem:
@@ -67,8 +66,7 @@ def problem_of(case: str) -> Problem:
 
 def evaluator_of(problem: Problem, seed: int) -> Evaluator:
     """Return what a search of a seed judges gaits by."""
-    setting = Setting.of(problem, scenarios_of(problem, seed, SEARCH), problem.simulation.working)
-    return Evaluator(setting, SerialExecutor(), problem.file.objective.search_margin)
+    return Evaluator(setting_of(problem, seed), SerialExecutor(), problem.file.objective.search_margin)
 
 
 def costs(evaluator: Evaluator, gaits: list[Gait]) -> Floats:
@@ -125,13 +123,10 @@ def search(case: str, seed: int, rung: str | None) -> dict[str, Any]:
     """Return what a search spent, in steps of the working fidelity, and what its winner is worth."""
     problem, (_, warm, _, budget) = problem_of(case), CASES[case]
     evaluator = evaluator_of(problem, seed)
-    baselines = list(problem.baselines.values())
-    starts = [(g, e.cost) for g, (e, _) in zip(baselines, evaluator(baselines), strict=True)]
-    elites = planned(case, seed) if warm else ()
-    with TemporaryDirectory() as folder, forced(rung):
-        searched = study.Study(evaluator, Journal(Path(folder) / "evaluations.csv", problem), budget, seed)
+    starts, elites = judged(evaluator), planned(case, seed) if warm else ()
+    with forced(rung):
         began = time.process_time()
-        searched.run("default", starts, elites, laddered=True)
+        searched = searches.search(evaluator, budget, seed, starts, elites, laddered=True)
         cpu_s = time.process_time() - began
     winner, *_ = run._select(problem, run._finalists(searched.entries, starts), seed, SerialExecutor())
     (verified,) = verify(problem, [winner], seed, SerialExecutor())

@@ -25,13 +25,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 from scipy.stats import qmc
+from searches import judged, planned, search
 
 from gaitopt.gait import Gait
 from gaitopt.metrics import METRICS
@@ -39,9 +39,7 @@ from gaitopt.objective import Evaluation
 from gaitopt.optimise import cma_es
 from gaitopt.optimise.evaluator import Evaluator, Outcome, Setting
 from gaitopt.optimise.executors import SerialExecutor
-from gaitopt.optimise.journal import Journal
-from gaitopt.optimise.study import Study
-from gaitopt.plan import Planner, PlanSettings
+from gaitopt.plan import Planner
 from gaitopt.problem import Problem, load_problem
 from gaitopt.rollout import NOMINAL
 
@@ -264,14 +262,10 @@ def without_surrogate(record: Recorded, seed: int) -> float:
 def _study(record: Recorded, seed: int, warm: bool) -> float:
     problem = record.setting.problem
     began = time.process_time()
-    elites = Planner(problem, PlanSettings(seed=seed)).plan().elites if warm else ()
+    elites = planned(problem, seed) if warm else ()
     plan_s = time.process_time() - began if warm else 0.0
-    baselines = list(problem.baselines.values())
-    starts = [(g, e.cost) for g, (e, _) in zip(baselines, record(baselines), strict=True)]
-    with TemporaryDirectory() as folder:
-        journal = Journal(Path(folder) / "evaluations.csv", problem)
-        study = Study(record, journal, record.budget - len(baselines), seed)  # type: ignore[arg-type]
-        study.run("default", starts, [elite.gait for elite in elites])
+    starts = judged(record)
+    search(record, record.budget - len(starts), seed, starts, elites)
     return plan_s
 
 

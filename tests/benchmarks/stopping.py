@@ -23,22 +23,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import searches
 from rivals import ROBOTS
+from searches import planned, setting_of
 
 from gaitopt.gait import Gait
 from gaitopt.metrics import axes, measure
 from gaitopt.model import Robot
 from gaitopt.objective import Evaluation
-from gaitopt.optimise.evaluator import Evaluator, Outcome, Setting
+from gaitopt.optimise.evaluator import Evaluator, Outcome
 from gaitopt.optimise.executors import SerialExecutor
-from gaitopt.optimise.journal import Entry, Journal
-from gaitopt.optimise.study import Study
-from gaitopt.optimise.verification import SEARCH, scenarios_of
-from gaitopt.plan import Planner, PlanSettings
+from gaitopt.optimise.journal import Entry
 from gaitopt.problem import Problem, load_problem
 from gaitopt.rollout import Simulator
 from gaitopt.trajectory import Trajectory
@@ -125,16 +123,11 @@ class Watching(Evaluator):
 
 def search(problem: Problem, seed: int, budget: int, warm: bool) -> tuple[list[Entry], Watching, float]:
     """Return a search's entries, what its rollouts were like, and the best speed of the baselines."""
-    setting = Setting.of(problem, scenarios_of(problem, seed, SEARCH), problem.simulation.working)
-    evaluator = Watching(setting, SerialExecutor(), problem.file.objective.search_margin)
-    elites = Planner(problem, PlanSettings(seed=seed)).plan().elites if warm else ()
-    baselines = list(problem.baselines.values())
-    judged = [evaluation for evaluation, _ in evaluator(baselines)]
-    starts = [(gait, evaluation.cost) for gait, evaluation in zip(baselines, judged, strict=True)]
-    with TemporaryDirectory() as folder:
-        study = Study(evaluator, Journal(Path(folder) / "evaluations.csv", problem), budget, seed)
-        study.run("default", starts, [elite.gait for elite in elites])
-    best = min(judged, key=lambda evaluation: evaluation.cost)
+    evaluator = Watching(setting_of(problem, seed), SerialExecutor(), problem.file.objective.search_margin)
+    evaluations = [evaluation for evaluation, _ in evaluator(list(problem.baselines.values()))]
+    starts = [(gait, one.cost) for gait, one in zip(problem.baselines.values(), evaluations, strict=True)]
+    study = searches.search(evaluator, budget, seed, starts, planned(problem, seed) if warm else ())
+    best = min(evaluations, key=lambda evaluation: evaluation.cost)
     return study.entries, evaluator, best.metrics["speed_m_s"]
 
 

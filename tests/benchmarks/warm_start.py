@@ -18,12 +18,10 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
+from searches import judged, planned, search
 
 from gaitopt.optimise.evaluator import Evaluator, Setting
 from gaitopt.optimise.executors import open_executor
-from gaitopt.optimise.journal import Journal
-from gaitopt.optimise.study import Study
-from gaitopt.plan import Planner, PlanSettings
 from gaitopt.plots import COLOURS
 from gaitopt.problem import load_problem
 from gaitopt.rollout import NOMINAL
@@ -31,21 +29,18 @@ from gaitopt.rollout import NOMINAL
 TARGETS = (0.8, 0.9, 0.95)
 
 
-def run(seed: int, warm: bool, budget: int, scratch: Path) -> dict[str, object]:
+def run(seed: int, warm: bool, budget: int) -> dict[str, object]:
     """Return the costs and simulated seconds of one search, in order, and the plan's wall seconds."""
     problem = load_problem("arcfold")
     setting = Setting.of(problem, (NOMINAL,), problem.simulation.working)
     began = time.process_time()
-    elites = Planner(problem, PlanSettings(seed=seed)).plan().elites if warm else ()
+    elites = planned(problem, seed) if warm else ()
     plan_s = time.process_time() - began if warm else 0.0
-    journal_path = scratch / f"journal-{'warm' if warm else 'cold'}-{seed}.csv"
     with open_executor("threads") as executor:
         evaluator = Evaluator(setting, executor)
-        baselines = list(problem.baselines.values())
-        known = [(g, e.cost) for g, (e, _) in zip(baselines, evaluator(baselines), strict=True)]
-        study = Study(evaluator, Journal(journal_path, problem), budget, seed)
+        starts = judged(evaluator)
         began = time.process_time()
-        study.run("default", known, [elite.gait for elite in elites])
+        study = search(evaluator, budget, seed, starts, elites)
         search_s = time.process_time() - began
     simulated = [entry.simulated_s for entry in study.entries]
     return {
@@ -95,8 +90,7 @@ def main() -> None:
         for warm in (True, False):
             path = runs / f"{'warm' if warm else 'cold'}-{seed}.json"
             if not path.exists():
-                path.write_text(json.dumps(run(seed, warm, options.budget, runs)))
-                (runs / f"journal-{'warm' if warm else 'cold'}-{seed}.csv").unlink()
+                path.write_text(json.dumps(run(seed, warm, options.budget)))
                 print(path, flush=True)
             records.append(json.loads(path.read_text()))
     best = min([min(record["costs"]) for record in records] + ([options.known] if options.known else []))
