@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +17,7 @@ from gaitopt.diagnose.align import Aligned
 from gaitopt.diagnose.evidence import Gap, Rival
 from gaitopt.diagnose.fitting import Bench, Note, Point, bench, fit_all, predictions
 from gaitopt.diagnose.floor import Floors
-from gaitopt.diagnose.hypotheses import hypotheses
+from gaitopt.diagnose.hypotheses import Hypothesis
 from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.nuisances import nuisance_robots
 from gaitopt.diagnose.pairs import fit_pairs
@@ -185,7 +185,7 @@ def find_causes(
     executor: Executor,
     seed: int,
     note: Note,
-    among: Collection[str] | None = None,
+    rivals: Sequence[Hypothesis],
     memory: Memory | None = None,
 ) -> Causes:
     """Fit and judge every rival.
@@ -198,8 +198,11 @@ def find_causes(
         executor: where robots are simulated.
         seed: seed of what is random.
         note: called as it goes.
-        among: effects to try; None for all that apply.
+        rivals: what is to be tried.
         memory: keeps what is simulated, and has what was; None to keep nothing.
+
+    Raises:
+        GaitoptError: no robot that is to be tried can be simulated.
     """
     ready, nominal, about = prepared(simulator, trials, floors, executor, seed, memory)
     none = evidence.nothing(ready, nominal)
@@ -209,14 +212,10 @@ def find_causes(
         return Causes(
             ready, nominal, none, (), np.empty(0), "no_gap", [], [], 0.0, 1.0, None, nothing, uneven, seed, 0
         )
-    known = any(aligned.trial.starts_at_s is not None for aligned in trials)
-    active = [setting.effect.name for setting in simulator.effects.settings]
-    rivals = hypotheses(simulator.effects.nominal, simulator.problem.channel_names, known, active)
-    rivals = [rival for rival in rivals if among is None or rival.effect.name in among]
     fits = fit_all(ready, rivals, nominal, executor, note)
     singles = [evidence.single(fit) for fit in fits if len(fit.points) > 1]
     if not singles:
-        raise GaitoptError("no effect can be tried: none of those asked for applies to this robot")
+        raise GaitoptError("no effect can be tried: the simulation of every robot that has one fails")
     best = min(singles, key=lambda rival: rival.evidence)
     doubles = []
     if _remains(ready, best, none) > LEFT:

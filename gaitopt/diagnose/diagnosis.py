@@ -18,10 +18,12 @@ from gaitopt.diagnose.evidence import Gap
 from gaitopt.diagnose.experiment import Experiment, propose
 from gaitopt.diagnose.fitting import Note
 from gaitopt.diagnose.floor import Floors, marker_floor, measure_floors
+from gaitopt.diagnose.hypotheses import Hypothesis, hypotheses
 from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.mismatches import mismatches
 from gaitopt.diagnose.predict import predict
 from gaitopt.diagnose.where import COMPONENTS, Split, split
+from gaitopt.errors import GaitoptError
 from gaitopt.rollout import Simulator
 
 SIGNIFICANT = 2.0
@@ -240,13 +242,15 @@ def diagnose(
         memory: keeps what is simulated, and has what was; None to keep nothing.
 
     Raises:
-        GaitoptError: a trial has fewer than two cycles left, or the simulation of its gait fails.
+        GaitoptError: a trial has fewer than two cycles left, the simulation of its gait fails, or none of the
+            effects asked for can be tried.
     """
+    rivals = _rivals(simulator, dataset, among)
     note("measuring the floor", 0, 0)
     located = locate(simulator, dataset, executor, seed)
     parts = [trial.aligned for trial in located.trials], [trial.floors for trial in located.trials]
     floor = located.located_gap["floor_m"]
-    found = find_causes(simulator, *parts, floor, executor, seed, note, among, memory)
+    found = find_causes(simulator, *parts, floor, executor, seed, note, rivals, memory)
     if found.verdict == "no_gap" or not next_gait:
         return replace(located, found=found)
     note("looking for the next gait", found.robots, 0)
@@ -256,6 +260,16 @@ def diagnose(
         simulator.problem, simulator, found.surviving, list(gaits.values()), signals, executor, seed
     )
     return replace(located, found=found, experiment=experiment)
+
+
+def _rivals(simulator: Simulator, dataset: DataSet, among: Collection[str] | None) -> list[Hypothesis]:
+    known = any(trial.starts_at_s is not None for trial in dataset.trials)
+    active = [setting.effect.name for setting in simulator.effects.settings]
+    rivals = hypotheses(simulator.effects.nominal, simulator.problem.channel_names, known, active)
+    chosen = [rival for rival in rivals if among is None or rival.effect.name in among]
+    if not chosen:
+        raise GaitoptError("no effect can be tried: none of those asked for applies to this robot")
+    return chosen
 
 
 def locate(simulator: Simulator, dataset: DataSet, executor: Executor, seed: int) -> Diagnosis:

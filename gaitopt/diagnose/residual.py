@@ -137,6 +137,24 @@ class View:
         return np.concatenate(kinds[True]), np.concatenate(kinds[False])
 
 
+def by_signal(views: Sequence[View], apart: Array, angles: Array) -> list[dict[str, Array]]:
+    """Return the samples of `View.compare`, of several trials one after another, by trial and signal.
+
+    Args:
+        views: the trials, in order.
+        apart: the marker's residuals of all of them, m, shape (samples,).
+        angles: the angles', rad.
+    """
+    left, found = {True: apart, False: angles}, []
+    for one in views:
+        trial, parts = one.aligned.trial, {}
+        for name in trial.signals:
+            kind, count = is_marker(name), int(trial.used[name].sum())
+            parts[name], left[kind] = left[kind][:count], left[kind][count:]
+        found.append(parts)
+    return found
+
+
 def view(aligned: Aligned, floors: Floors, drawn: Sequence[Trajectory]) -> View:
     """Return a trial ready for comparison.
 

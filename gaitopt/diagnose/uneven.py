@@ -13,10 +13,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.align import is_marker
 from gaitopt.diagnose.fitting import Bench, Point
 from gaitopt.diagnose.floor import Floors, cycle_spread
-from gaitopt.diagnose.residual import View
+from gaitopt.diagnose.residual import View, by_signal
 
 UNEVEN = 4.0
 """Cycles are uneven if they differ so many times as much as the simulated ones do."""
@@ -37,27 +36,13 @@ def unevenness(bench: Bench, floors: Sequence[Floors], points: Sequence[Point | 
     if not known:
         return 0.0
     ratios = []
-    samples = [_split(bench.views, point) for point in known]
+    samples = [by_signal(bench.views, point.apart, point.angles) for point in known]
     for index, one in enumerate(bench.views):
         for name, floor in floors[index].items():
             spreads = [_spread(bench, one, name, parts[index][name]) for parts in samples]
             recorded = max(0.0, floor.spread**2 - floor.noise**2)
             ratios.append(recorded / (np.mean(np.square(spreads)) + (_NOISE * floor.noise) ** 2 + 1e-12))
     return float(np.sqrt(max(ratios)))
-
-
-def _split(views: Sequence[View], point: Point) -> list[dict[str, NDArray[np.float64]]]:
-    """Return the residual of each signal of each trial: the order of `View.compare`, undone."""
-    taken, found = {True: 0, False: 0}, []
-    for one in views:
-        trial, parts = one.aligned.trial, {}
-        for name in trial.signals:
-            kind, count = is_marker(name), int(trial.used[name].sum())
-            series = point.apart if kind else point.angles
-            parts[name] = series[taken[kind] : taken[kind] + count]
-            taken[kind] += count
-        found.append(parts)
-    return found
 
 
 def _spread(bench: Bench, one: View, name: str, residual: NDArray[np.float64]) -> float:
