@@ -82,9 +82,3 @@ def test_jumps_are_told_from_slopes(size):
     assert np.linalg.norm(found.slopes[:, 0] + 2.0 * slope) <= 0.1 * np.linalg.norm(2.0 * slope)
     assert found.jump == pytest.approx(2.0 * ROWS * size**2, rel=0.5, abs=1e-9)
     assert (found.luck > 1.0) == (size > 0.0)
-
-
-def test_what_drawn_robots_leave_is_told_by_trial():
-    trials = bench()
-    assert precision.expected(trials, np.full((3, ROWS), 2.0)) == {0: pytest.approx(4.0)}
-    assert precision.expected(trials, np.empty((0, ROWS))) == {0: 0.0}

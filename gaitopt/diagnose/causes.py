@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,9 +18,11 @@ from gaitopt.diagnose.evidence import Gap, Rival
 from gaitopt.diagnose.fitting import Bench, Note, Point, bench, fit_all, predictions
 from gaitopt.diagnose.floor import Floors
 from gaitopt.diagnose.hypotheses import Hypothesis
+from gaitopt.diagnose.look import Look
 from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.nuisances import nuisance_robots
 from gaitopt.diagnose.pairs import fit_pairs
+from gaitopt.diagnose.precision import Drawn
 from gaitopt.diagnose.residual import view
 from gaitopt.diagnose.uneven import UNEVEN, unevenness
 from gaitopt.errors import GaitoptError
@@ -43,6 +45,9 @@ SIGNIFICANCE = 0.05
 _ABOVE_NONE = 3.0
 """An effect belongs to the answer beside the first if it is so many times as probable as none."""
 
+_TRY_PAIRS = 1.5
+"""Where the best effect leaves more than this, two are tried: a right one leaves less, nearly always."""
+
 _PAIR_ERRORS = 1.0
 """Standard errors by which two effects must foretell more than one."""
 
@@ -55,9 +60,6 @@ chance."""
 
 _LITTLE = 0.3
 """A smaller part of the whitened residual explains nothing."""
-
-_UNLIKE_NOMINAL = 0.003
-"""What is left counts above this share of the nominal loss: nuisances grow with an effect."""
 
 
 @dataclass(frozen=True)
@@ -205,58 +207,57 @@ def find_causes(
         GaitoptError: no robot that is to be tried can be simulated.
     """
     ready, nominal, about = prepared(simulator, trials, floors, executor, seed, memory)
-    none = evidence.nothing(ready, nominal)
+    look = Look(ready, nominal, ())
     uneven = unevenness(ready, floors, about)
-    if evidence.left(ready, none) <= NO_GAP and uneven <= UNEVEN:
-        nothing = np.empty((0, len(ready.blocks)))
-        return Causes(
-            ready, nominal, none, (), np.empty(0), "no_gap", [], [], 0.0, 1.0, None, nothing, uneven, seed, 0
-        )
-    fits = fit_all(ready, rivals, nominal, executor, note)
-    singles = [evidence.single(fit) for fit in fits if len(fit.points) > 1]
-    if not singles:
+    if evidence.left(ready, look.none) <= NO_GAP and uneven <= UNEVEN:
+        return _without_gap(look, uneven, seed)
+    faint = evidence.left(ready, look.none) <= FAINT_GAP
+    look = replace(look, fits=tuple(fit_all(ready, rivals, nominal, executor, note)))
+    if not look.singles:
         raise GaitoptError("no effect can be tried: the simulation of every robot that has one fails")
-    best = min(singles, key=lambda rival: rival.evidence)
-    doubles = []
-    if _remains(ready, best, none) > LEFT:
-        doubles = [evidence.double(pair) for pair in fit_pairs(fits, nominal, executor, note)]
-    return conclude(ready, nominal, none, singles, doubles, floors, floor_m, executor, seed)
-
-
-def conclude(
-    ready: Bench,
-    nominal: Point,
-    none: Rival,
-    singles: Sequence[Rival],
-    doubles: Sequence[Rival],
-    floors: Sequence[Floors],
-    floor_m: float,
-    executor: Executor,
-    seed: int,
-) -> Causes:
-    """Return the answer that the evidence allows."""
-    best = min(singles, key=lambda rival: rival.evidence)
-    both = min(doubles, key=lambda rival: rival.evidence, default=None)
-    two = both is not None and _needed(ready, best, both)
-    order, chances, idle = _ranked(ready, doubles if two else singles, none)
-    drawn = precision.drawn_about(ready, order[0], executor, seed)
-    shown = precision.excludes_none(order[0], ready, drawn.changes)
-    if two and not shown:
-        two = False
-        order, chances, idle = _ranked(ready, singles, none)
-        drawn = precision.drawn_about(ready, order[0], executor, seed)
-        shown = precision.excludes_none(order[0], ready, drawn.changes)
-    first = order[0]
-    chance_alone = evidence.p_value(ready, nominal, singles, none.evidence - first.evidence, seed)
-    gap = evidence.gap_of(ready, nominal, first, floor_m, seed)
-    remains = _remains(ready, first, none, precision.expected(ready, drawn.changes))
+    wide, look = look, look.closer(executor, seed, note)
+    drawn = precision.drawn_about(look.bench, look.first, executor, seed)
     uneven = unevenness(ready, floors, drawn.points)
+    best = min(look.singles, key=lambda rival: rival.evidence)
+    if evidence.left(look.bench, best) > _TRY_PAIRS and uneven <= UNEVEN:
+        # By the first covariance: effects that do not explain the gap must not teach what explains it.
+        pairs = fit_pairs(wide.fits, wide.nominal, executor, note)
+        two = wide.with_pairs(pairs).closer(executor, seed, note)
+        if pairs and _needed(two):
+            about_two = precision.drawn_about(two.bench, two.first, executor, seed)
+            if _shown(two, about_two):
+                look, drawn, uneven = two, about_two, unevenness(ready, floors, about_two.points)
+    return _concluded(look, drawn, uneven, floor_m, faint, seed)
+
+
+def _without_gap(look: Look, uneven: float, seed: int) -> Causes:
+    nothing = np.empty((0, len(look.bench.blocks)))
+    return Causes(
+        look.bench, look.nominal, look.none, (), np.empty(0), "no_gap", [], [], 0.0, 1.0, None, nothing,
+        uneven, seed, 0,
+    )  # fmt: skip
+
+
+def _concluded(look: Look, drawn: Drawn, uneven: float, floor_m: float, faint: bool, seed: int) -> Causes:
+    """Return the answer that the evidence allows.
+
+    Args:
+        look: the rivals.
+        drawn: robots drawn about the first of them.
+        uneven: by how much the recorded cycles differ, in differences of these.
+        floor_m: the marker's floor over all trials, m.
+        faint: whether there is no gap to speak of, if no effect explains it.
+        seed: seed of what is random.
+    """
+    ready, none, first, (order, chances) = look.bench, look.none, look.first, look.ranked()
+    chance_alone = evidence.p_value(ready, look.nominal, look.singles, none.evidence - first.evidence, seed)
+    gap = evidence.gap_of(ready, look.nominal, first, floor_m, seed)
+    remains = evidence.left(ready, first)
     other = max(_other(remains / _OTHER_HALF), _other(uneven / UNEVEN))
-    improves = chance_alone <= SIGNIFICANCE and first.evidence < _IMPROVED * none.evidence and shown
-    quiet = evidence.left(ready, none) <= FAINT_GAP
-    causes, rest = _named(order, chances, two, idle)
-    if not improves:
-        verdict, causes, rest = "no_gap" if quiet and uneven <= UNEVEN else "unexplained", [], []
+    improves = chance_alone <= SIGNIFICANCE and first.evidence < _IMPROVED * none.evidence
+    causes, rest = _named(look)
+    if not (improves and _shown(look, drawn)):
+        verdict, causes, rest = "no_gap" if faint and uneven <= UNEVEN else "unexplained", [], []
     elif remains > LEFT or uneven > UNEVEN:
         explained = 1.0 - float(np.sqrt(first.held_out.sum() / none.held_out.sum()))
         verdict = "partly_explained"
@@ -264,22 +265,16 @@ def conclude(
             verdict, causes, rest = "unexplained", [], []
     else:
         verdict = "ambiguous" if rest else "explained"
-    robots = sum(len(r.fits[0].points) for r in singles)
+    robots = sum(len(fit.points) for fit in look.fits)
     return Causes(
-        ready, nominal, none, tuple(order), chances, verdict, causes, rest, other, chance_alone, gap,
+        ready, look.nominal, none, tuple(order), chances, verdict, causes, rest, other, chance_alone, gap,
         drawn.changes, uneven, seed, robots,
     )  # fmt: skip
 
 
-def _ranked(
-    ready: Bench, rivals: Sequence[Rival], none: Rival
-) -> tuple[list[Rival], NDArray[np.float64], float]:
-    """Return the rivals, the most probable first, their probabilities, and the least one worth naming."""
-    weights, nothing = evidence.scores(ready, rivals), evidence.scores(ready, [*rivals, none])[-1]
-    order = np.argsort(-weights, kind="stable")
-    chances = evidence.probabilities(weights[order])
-    idle = _ABOVE_NONE * float(chances[0] * np.exp(nothing - weights.max()))
-    return [rivals[i] for i in order], chances, idle
+def _shown(look: Look, drawn: Drawn) -> bool:
+    """Whether the first rival has no parameter that may as well be neutral."""
+    return precision.excludes_none(look.first, look.bench, drawn.changes)
 
 
 def _other(share: float) -> float:
@@ -287,34 +282,24 @@ def _other(share: float) -> float:
     return 1.0 / (1.0 + math.exp(-_OTHER_SLOPE * math.log(max(share, 1e-9))))
 
 
-def _remains(ready: Bench, rival: Rival, none: Rival, expected: Mapping[int, float] | None = None) -> float:
-    """Return the mean whitened square left of the worst trial, in what a right model would leave.
-
-    A small share of the nominal one passes; and a robot may scatter more with its effect than without:
-    `expected` has what robots about the rival leave.
-    """
-    before = evidence.left_by_trial(ready, none)
-    after = evidence.left_by_trial(ready, rival)
-    about = expected or dict.fromkeys(after, 0.0)
-    return max(after[t] / max(1.0, _UNLIKE_NOMINAL * before[t], about[t]) for t in after)
-
-
-def _needed(ready: Bench, one: Rival, both: Rival) -> bool:
+def _needed(look: Look) -> bool:
     """Whether two effects foretell enough more than one, and fit as much better.
 
     Where a response jumps, one effect may foretell a gait badly that it fits well; a second one does not mend
     that.
     """
+    one, both = (min(rivals, key=lambda rival: rival.evidence) for rivals in (look.singles, look.doubles))
     foretold = float(both.held_out.sum()) < _PAIR_GAIN * float(one.held_out.sum())
     fitted = float(both.seen.sum()) < _PAIR_GAIN * float(one.seen.sum())
-    return foretold and fitted and evidence.better_by(ready, both, one) > _PAIR_ERRORS
+    return foretold and fitted and evidence.better_by(look.bench, both, one) > _PAIR_ERRORS
 
 
-def _named(
-    rivals: Sequence[Rival], chances: NDArray[np.float64], two: bool, idle: float
-) -> tuple[list[str], list[str]]:
-    """Return the effects blamed, and those that cannot be told from them; none less probable than `idle`."""
-    if not two:
+def _named(look: Look) -> tuple[list[str], list[str]]:
+    """Return the effects blamed, and those that cannot be told from them; none that is as good as idle."""
+    rivals, chances = look.ranked()
+    if not look.pairs:
+        weights = evidence.scores(look.bench, [*rivals, look.none])
+        idle = _ABOVE_NONE * float(chances[0] * np.exp(weights[-1] - weights.max()))
         totals = evidence.by_effect(rivals, chances)
         names = evidence.answer_set(totals)
         return names[:1], [name for name in names[1:] if totals[name] >= idle]

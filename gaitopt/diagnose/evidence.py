@@ -29,6 +29,9 @@ LUCK = 0.5
 PRIOR_WEIGHT = 0.3
 """Weight of the prior of a fitted parameter: bounds and priors are guesses too."""
 
+_FREEDOM = 3.0
+"""Degrees of freedom of the priors' tails."""
+
 IN_SET = 0.05
 """A rival belongs to the answer if it is at least this probable, relative to the first."""
 
@@ -103,7 +106,7 @@ def single(fit: Fit) -> Rival:
         hidden = np.isin(bench.sample_blocks, fold)
         apart[hidden] = fit.between("apart", weights)[hidden]
     at = fit.best()
-    prior = _bounded(fit.hypothesis.log_prior(at))
+    prior = _heavy(fit.hypothesis.log_prior(at))
     return Rival((fit,), (at,), fit.loss(), held_out, fit.between("whitened"), apart, prior)
 
 
@@ -118,13 +121,14 @@ def double(pair: PairFit) -> Rival:
         hidden = np.isin(bench.sample_blocks, fold)
         apart[hidden] = other.apart[hidden]
     at = tuple(point.at.tolist())
-    prior = sum(_bounded(f.hypothesis.log_prior(a)) for f, a in zip(pair.fits, at, strict=True))
+    prior = sum(_heavy(f.hypothesis.log_prior(a)) for f, a in zip(pair.fits, at, strict=True))
     seen = bench.losses(point.whitened, point.whitened)
     return Rival(pair.fits, at, seen, held_out, point.whitened, apart, prior, pair)
 
 
-def _bounded(log_prior: float) -> float:
-    return max(log_prior, -50.0)
+def _heavy(log_prior: float) -> float:
+    """Return a prior's logarithm with the tails of Student's t: nobody has measured how rare an oddity is."""
+    return -0.5 * (_FREEDOM + 1.0) * math.log1p(-2.0 * max(log_prior, -1e9) / _FREEDOM)
 
 
 def left(bench: Bench, rival: Rival) -> float:

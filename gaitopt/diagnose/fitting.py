@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from gaitopt.diagnose.dataset import Trial
 from gaitopt.diagnose.hypotheses import Hypothesis
@@ -99,6 +100,7 @@ class Bench:
         sample_trials: trial of each sample of the marker.
         folds: blocks of each fold that is left out in turn.
         memory: what has been simulated before an interruption; None to keep nothing.
+        turns: of each trial, what takes rows whitened by its view to those that are compared; none for these.
     """
 
     problem: Problem
@@ -111,6 +113,7 @@ class Bench:
     sample_blocks: NDArray[np.intp]
     folds: tuple[NDArray[np.intp], ...]
     memory: Memory | None = None
+    turns: tuple[Array, ...] = ()
 
     @property
     def count(self) -> int:
@@ -138,13 +141,46 @@ class Bench:
         sums: Array = np.bincount(self.blocks, one * other, minlength=self.count).astype(float)
         return sums
 
+    @property
+    def first(self) -> Bench:
+        """The bench before it was taught anew."""
+        return replace(self, turns=())
+
+    def taught(self, changes: Array) -> Bench:
+        """Return the bench with the covariance that some robots teach.
+
+        Args:
+            changes: what they change, whitened by the views, shape (draws, rows).
+        """
+        parts = np.split(changes, self._ends, axis=1)
+        return replace(self, turns=tuple(v.turn(part) for v, part in zip(self.views, parts, strict=True)))
+
+    def rewhitened(self, rows: Array, before: Bench) -> Array:
+        """Return rows, or columns of them, that another bench of the same trials has whitened."""
+        parts = np.split(rows, self._ends)
+        if before.turns:
+            undone = zip(before.turns, parts, strict=True)
+            parts = [solve_triangular(turn, part, lower=True) for turn, part in undone]
+        if self.turns:
+            parts = [turn @ part for turn, part in zip(self.turns, parts, strict=True)]
+        return np.concatenate(parts)
+
+    def seen(self, point: Point, before: Bench) -> Point:
+        """Return a point that another bench of the same trials has whitened."""
+        return replace(point, whitened=self.rewhitened(point.whitened, before))
+
+    @property
+    def _ends(self) -> Array:
+        ends: Array = np.cumsum([len(view.counts) for view in self.views])[:-1]
+        return ends
+
     def by_trial(self, losses: Array) -> dict[int, float]:
         """Return each trial's mean whitened square from the losses of the blocks, shape (blocks,)."""
         rows, trials = self.rows_of_blocks, self.block_trials
         return {int(t): float(losses[trials == t].sum() / rows[trials == t].sum()) for t in np.unique(trials)}
 
     def point(self, at: Sequence[float], trajectories: Sequence[Trajectory]) -> Point | None:
-        """Return the trials beside some trajectories; None where one of these failed."""
+        """Return the trials beside some trajectories, whitened by their views; None where one failed."""
         compared = []
         for one, trajectory in zip(self.views, trajectories, strict=True):
             found = one.compare(trajectory)
@@ -219,7 +255,8 @@ def simulate(
         if observed_only:
             active = replace(bench.simulator.effects, settings=problem.effects)
             rng = np.random.default_rng(0)
-            return bench.point(at, [active.observe(t, rng) for t in bench.nominal])
+            point = bench.point(at, [active.observe(t, rng) for t in bench.nominal])
+            return None if point is None else bench.seen(point, bench.first)
         name = repr(sorted((effect, sorted(values.items())) for effect, values in effects.items()))
         return film(bench, Simulator.build(problem, fidelity=bench.simulator.fidelity), name, at)
     except GaitoptError:
@@ -237,14 +274,18 @@ def film(bench: Bench, robot: Simulator, name: str, at: Sequence[float] = ()) ->
     """
     known = None if bench.memory is None else bench.memory.recall(name)
     if known is not None:
-        return Point(np.array(at, dtype=float), known["whitened"], known["apart"], known["angles"])
-    try:
-        point = bench.point(at, predictions(robot, [v.aligned.trial for v in bench.views]))
-    except GaitoptError:
-        return None
-    if point is not None and bench.memory is not None:
-        bench.memory.keep(name, {"whitened": point.whitened, "apart": point.apart, "angles": point.angles})
-    return point
+        point: Point | None = Point(
+            np.array(at, dtype=float), known["whitened"], known["apart"], known["angles"]
+        )
+    else:
+        try:
+            point = bench.point(at, predictions(robot, [v.aligned.trial for v in bench.views]))
+        except GaitoptError:
+            return None
+        if point is not None and bench.memory is not None:
+            arrays = {"whitened": point.whitened, "apart": point.apart, "angles": point.angles}
+            bench.memory.keep(name, arrays)
+    return None if point is None else bench.seen(point, bench.first)
 
 
 def predictions(simulator: Simulator, trials: Sequence[Trial]) -> list[Trajectory]:
@@ -294,6 +335,10 @@ class Fit:
     points: list[Point]
     settled: bool = False
     _curve: Curve | None = field(default=None, repr=False)
+
+    def on(self, bench: Bench) -> Fit:
+        """Return the fit as another bench of the same trials sees it."""
+        return Fit(self.hypothesis, bench, [bench.seen(p, self.bench) for p in self.points], self.settled)
 
     def add(self, point: Point | None) -> None:
         """Take in one more simulated set."""
@@ -479,7 +524,7 @@ def fit_all(
     far = [(fit, at) for fit in fits for at in fit.far]
     _simulate_each(far, executor, count)
     _refine(fits, rows, executor, count, HOPELESS[2:])
-    _finish(fits, executor, count)
+    finish(fits, executor, note)
     return fits
 
 
@@ -528,8 +573,9 @@ def _refine(
         _simulate_each(work, executor, count)
 
 
-def _finish(fits: Sequence[Fit], executor: Executor, count: Count) -> None:
+def finish(fits: Sequence[Fit], executor: Executor, note: Note) -> None:
     """Simulate the leading fits until what is left of them is known, not mixed from two robots far apart."""
+    count = Count("finishing the best fits", note)
     for _ in range(_FINISH):
         losses = [float(fit.loss().sum()) for fit in fits]
         leading = [f for f, loss in zip(fits, losses, strict=True) if loss <= _LEADING * min(losses)]

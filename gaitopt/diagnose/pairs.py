@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.fitting import ALIKE, Count, Fit, Note, Point, simulate
+from gaitopt.diagnose.fitting import ALIKE, Bench, Count, Fit, Note, Point, simulate
 
 Array = NDArray[np.float64]
 
@@ -69,6 +69,14 @@ class PairFit:
     def names(self) -> list[str]:
         """The two effects."""
         return [fit.hypothesis.effect.name for fit in self.fits]
+
+    def on(self, bench: Bench) -> PairFit:
+        """Return the pair as another bench of the same trials sees it."""
+        one, other = self.fits
+        before = one.bench
+        points = [bench.seen(point, before) for point in self.points]
+        slopes = bench.rewhitened(self.slopes, before)
+        return PairFit((one.on(bench), other.on(bench)), points, slopes, self.farthest)
 
     def best(self, weights: Array | None = None) -> Point:
         """Return the simulated pair of the least loss, blocks weighted."""

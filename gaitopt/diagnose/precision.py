@@ -72,13 +72,6 @@ def drawn_about(bench: Bench, rival: Rival, executor: Executor, seed: int) -> Dr
     return Drawn(points, np.array(changes).reshape(len(changes), len(bench.blocks)))
 
 
-def expected(bench: Bench, drawn: Array) -> dict[int, float]:
-    """Return the mean whitened square that drawn robots leave of each trial; 0 where there are none."""
-    if not len(drawn):
-        return bench.by_trial(np.zeros(bench.count))
-    return bench.by_trial(np.mean([bench.losses(row, row) for row in drawn], axis=0))
-
-
 def intervals(rival: Rival, bench: Bench, drawn: Array) -> list[tuple[float, float]]:
     """Return a 90 % interval of each parameter, in its unit.
 

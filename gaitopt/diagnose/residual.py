@@ -76,6 +76,9 @@ class View:
         measured: mean of each row, m or rad, shape (n,).
         whitener: inverse of the lower Cholesky factor of the covariance, shape (n, n).
         cycles: cycle of each row, from 0, shape (n,).
+        signal: signal of each row, by its number, shape (n,).
+        time: gait time of each row, s, shape (n,).
+        chance: covariance of what no robot makes, m² and rad², shape (n, n).
     """
 
     aligned: Aligned
@@ -84,6 +87,9 @@ class View:
     measured: Array
     whitener: Array
     cycles: NDArray[np.intp]
+    signal: NDArray[np.int_]
+    time: Array
+    chance: Array
 
     @property
     def free(self) -> bool:
@@ -98,6 +104,20 @@ class View:
         """Return rows of unit variance."""
         white: Array = self.whitener @ rows
         return white
+
+    def turn(self, changes: Array) -> Array:
+        """Return what takes whitened rows to rows whitened by what other robots would have taught.
+
+        Args:
+            changes: whitened changes with these robots, shape (draws, n).
+
+        Returns:
+            A lower triangular matrix, shape (n, n).
+        """
+        factor = solve_triangular(self.whitener, np.eye(len(self.counts)), lower=True)
+        robots = _of_robots(self.aligned, self.signal, self.time, changes @ factor.T)
+        turn: Array = solve_triangular(cholesky(self.chance + robots, lower=True), factor, lower=True)
+        return turn
 
     def compare(self, trajectory: Trajectory) -> Compared | None:
         """Return the trial beside a prediction; None where the simulation failed."""
@@ -184,15 +204,15 @@ def view(aligned: Aligned, floors: Floors, drawn: Sequence[Trajectory]) -> View:
         for other in drawn
         if other.status == "ok"
     ]
-    covariance = _covariance(aligned, floors, signal, time, counts, np.array(changes))
+    chance = _chance(aligned, floors, signal, time, counts)
     if aligned.trial.clock_s > 0.0:
         late = _means(aligned, rows, counts, aligned.simulated, aligned.offset_s + aligned.trial.clock_s)
-        covariance += np.outer(late - nominal, late - nominal)
+        chance += np.outer(late - nominal, late - nominal)
     first = int(np.floor(time[0] / trial.period))
     cycles = np.floor(time / trial.period).astype(np.intp) - first
-    factor = cholesky(covariance, lower=True)
+    factor = cholesky(chance + _of_robots(aligned, signal, time, np.array(changes)), lower=True)
     whitener = np.ascontiguousarray(solve_triangular(factor, np.eye(len(factor)), lower=True))
-    return View(aligned, rows, counts, measured / counts, whitener, cycles)
+    return View(aligned, rows, counts, measured / counts, whitener, cycles, signal, time, chance)
 
 
 def _means(
@@ -206,37 +226,43 @@ def _means(
     return means
 
 
-def _covariance(
-    aligned: Aligned,
-    floors: Floors,
-    signal: NDArray[np.int_],
-    time: Array,
-    counts: Array,
-    changes: Array,
-) -> Array:
-    """Return the covariance of the rows of a right model's residual, m² and rad², shape (n, n)."""
+def _of_robots(aligned: Aligned, signal: NDArray[np.int_], time: Array, changes: Array) -> Array:
+    """Return the covariance of what nobody knows of a robot, with a smooth remainder of a like size.
+
+    Args:
+        aligned: the trial.
+        signal: signal of each row, shape (n,).
+        time: gait time of each row, s.
+        changes: what drawn robots change, m and rad, shape (draws, n).
+    """
     covariance: Array = _INFLATION * changes.T @ changes / len(changes)
     apart = np.abs(time[:, None] - time[None, :]) / aligned.trial.period
     smooth = np.exp(-0.5 * (apart / _REMAINDER_CYCLES) ** 2)
-    within = np.exp(-apart / 0.3)
     begin = min(float(time[0]), 0.0)
     elapsed = (time - begin) / max(float(time[-1]) - begin, 1e-9)
     wander = np.minimum(elapsed[:, None], elapsed[None, :])
     for index, name in enumerate(aligned.trial.signals):
-        own = signal == index
-        block = np.ix_(own, own)
-        of_signal = changes[:, own]
+        block = np.ix_(signal == index, signal == index)
+        of_signal = changes[:, signal == index]
         if is_marker(name):
             of_signal = of_signal - of_signal.mean(axis=1, keepdims=True)
         size = float(np.mean(of_signal**2))
-        floor = floors[name]
-        uneven = max(0.0, floor.spread**2 - floor.noise**2)
         covariance[block] += _REMAINDER**2 * size * (smooth[block] + 2.0 * wander[block])
-        covariance[block] += uneven * within[block]
+    return covariance
+
+
+def _chance(aligned: Aligned, floors: Floors, signal: NDArray[np.int_], time: Array, counts: Array) -> Array:
+    """Return the covariance of noise, cycles that differ and the marker's free origin."""
+    covariance = np.zeros((len(counts), len(counts)))
+    within = np.exp(-np.abs(time[:, None] - time[None, :]) / aligned.trial.period / 0.3)
+    for index, name in enumerate(aligned.trial.signals):
+        own = signal == index
+        block, floor = np.ix_(own, own), floors[name]
+        covariance[block] += max(0.0, floor.spread**2 - floor.noise**2) * within[block]
         if is_marker(name):
             covariance[block] += _ORIGIN_M**2
-        least = _LEAST[name.partition(".")[0]]
         diagonal = np.flatnonzero(own)
+        least = _LEAST[name.partition(".")[0]]
         covariance[diagonal, diagonal] += floor.noise**2 / counts[own] + least**2
     return covariance
 

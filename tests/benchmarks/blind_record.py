@@ -65,7 +65,7 @@ def _full() -> Plan:
     names = sorted(set(EFFECTS) - set(RECORD_DEFECTS))
     singles: list[tuple[str, str | None]] = [("single", name) for name in names for _ in range(3)]
     outside: list[tuple[str, str | None]] = [("outside", name) for name in sorted(OUTSIDE) for _ in range(5)]
-    return Plan(811, None, tuple(singles + outside + [("none", None)] * 60 + [("pair", None)] * 15))
+    return Plan(821, None, tuple(singles + outside + [("none", None)] * 60 + [("pair", None)] * 15))
 
 
 def _x_alone() -> Plan:
