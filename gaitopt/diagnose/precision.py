@@ -1,8 +1,8 @@
 """How well a parameter is known: by what nobody knows of the robot, and by what the trials say.
 
-Robots are drawn anew about the first rival, with other start poses, masses, hinges and numerics. Had one of
-them been filmed in place of the rival, the fit would have ended elsewhere: how far it goes is one part of a
-parameter's error. The draws of the covariance will not do, since it has learnt to overlook them.
+Robots are drawn about a rival, with other start poses, masses, hinges and numerics. Had one of them been
+filmed in place of the rival, the fit would have ended elsewhere: how far it goes is one part of a parameter's
+error. The covariance may have learnt from the same robots; what still moves the fit it could not overlook.
 """
 
 from __future__ import annotations
