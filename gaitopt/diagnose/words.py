@@ -46,8 +46,8 @@ _VERDICTS = {
     "explained": "The gap is explained by {0}.",
     "ambiguous": "These trials cannot tell what causes the gap: {0}, or {1}.",
     "partly_explained": "{0} explains a part of the gap only; something else is at work.",
-    "unexplained": "No effect of the library explains the gap of trials that it was not fitted to; the best of "
-    "them is {0}.",
+    "unexplained": "No effect of the library explains the gap of trials that it was not fitted to; the best "
+    "of them is {0}.",
 }
 
 
