@@ -121,5 +121,5 @@ def test_a_rival_that_imitates_what_nobody_knows_does_not_win(monkeypatch):
 
 
 def named(look):
-    order, chances = look.ranked()
+    order, chances = look.ranked
     return set(evidence.answer_set(evidence.by_effect(order, chances)))

@@ -209,9 +209,9 @@ def find_causes(
     ready, nominal, about = prepared(simulator, trials, floors, executor, seed, memory)
     look = Look(ready, nominal, ())
     uneven = unevenness(ready, floors, about)
-    if evidence.left(ready, look.none) <= NO_GAP and uneven <= UNEVEN:
+    before = evidence.left(ready, look.none)
+    if before <= NO_GAP and uneven <= UNEVEN:
         return _without_gap(look, uneven, seed)
-    faint = evidence.left(ready, look.none) <= FAINT_GAP
     look = replace(look, fits=tuple(fit_all(ready, rivals, nominal, executor, note)))
     if not look.singles:
         raise GaitoptError("no effect can be tried: the simulation of every robot that has one fails")
@@ -221,13 +221,13 @@ def find_causes(
     best = min(look.singles, key=lambda rival: rival.evidence)
     if evidence.left(look.bench, best) > _TRY_PAIRS and uneven <= UNEVEN:
         # By the first covariance: effects that do not explain the gap must not teach what explains it.
-        pairs = fit_pairs(wide.fits, wide.nominal, executor, note)
-        two = wide.with_pairs(pairs).closer(executor, seed, note)
+        pairs = tuple(fit_pairs(wide.fits, wide.nominal, executor, note))
+        two = replace(wide, pairs=pairs).closer(executor, seed, note)
         if pairs and _needed(two):
             about_two = precision.drawn_about(two.bench, two.first, executor, seed)
             if _shown(two, about_two):
                 look, drawn, uneven = two, about_two, unevenness(ready, floors, about_two.points)
-    return _concluded(look, drawn, uneven, floor_m, faint, seed)
+    return _concluded(look, drawn, uneven, floor_m, before <= FAINT_GAP, seed)
 
 
 def _without_gap(look: Look, uneven: float, seed: int) -> Causes:
@@ -249,7 +249,7 @@ def _concluded(look: Look, drawn: Drawn, uneven: float, floor_m: float, faint: b
         faint: whether there is no gap to speak of, if no effect explains it.
         seed: seed of what is random.
     """
-    ready, none, first, (order, chances) = look.bench, look.none, look.first, look.ranked()
+    ready, none, first, (order, chances) = look.bench, look.none, look.first, look.ranked
     chance_alone = evidence.p_value(ready, look.nominal, look.singles, none.evidence - first.evidence, seed)
     gap = evidence.gap_of(ready, look.nominal, first, floor_m, seed)
     remains = evidence.left(ready, first)
@@ -296,7 +296,7 @@ def _needed(look: Look) -> bool:
 
 def _named(look: Look) -> tuple[list[str], list[str]]:
     """Return the effects blamed, and those that cannot be told from them; none that is as good as idle."""
-    rivals, chances = look.ranked()
+    rivals, chances = look.ranked
     if not look.pairs:
         weights = evidence.scores(look.bench, [*rivals, look.none])
         idle = _ABOVE_NONE * float(chances[0] * np.exp(weights[-1] - weights.max()))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -67,10 +67,11 @@ class Look:
     @property
     def first(self) -> Rival:
         """The most probable rival."""
-        return self.ranked()[0][0]
+        return self.ranked[0][0]
 
+    @cached_property
     def ranked(self) -> tuple[list[Rival], NDArray[np.float64]]:
-        """Return the rivals, the most probable first, and their probabilities if one of them is right."""
+        """The rivals, the most probable first, and their probabilities if one of them is right."""
         weights = evidence.scores(self.bench, self.rivals)
         order = np.argsort(-weights, kind="stable")
         return [self.rivals[i] for i in order], evidence.probabilities(weights[order])
@@ -83,11 +84,11 @@ class Look:
             seed: seed of the draws.
             note: called as it goes.
         """
-        look, known = self, [""]
+        look, known = self, set[str]()
         for _ in range(_LOOKS):
             leaders = look._contenders()
-            names = [rival.label for rival in leaders]
-            if set(names) <= set(known):
+            names = {rival.label for rival in leaders}
+            if names <= known:
                 break
             look, known = look._taught_by(leaders, executor, seed), names
             finish(look.fits, executor, note)
@@ -96,7 +97,7 @@ class Look:
     def _contenders(self) -> list[Rival]:
         """Return the first of the rivals that the data cannot rule out, each with other effects."""
         chosen: dict[frozenset[str], Rival] = {}
-        order, chances = self.ranked()
+        order, chances = self.ranked
         for rival, chance in zip(order, chances.tolist(), strict=True):
             if chance >= evidence.IN_SET * float(chances[0]) and len(chosen) < _CONTENDERS:
                 chosen.setdefault(frozenset(rival.names), rival)
@@ -112,7 +113,3 @@ class Look:
             tuple(fit.on(bench) for fit in self.fits),
             tuple(pair.on(bench) for pair in self.pairs),
         )
-
-    def with_pairs(self, pairs: Sequence[PairFit]) -> Look:
-        """Return the same with pairs of effects among the rivals."""
-        return replace(self, pairs=tuple(pairs))
