@@ -61,11 +61,17 @@ def _development() -> Plan:
 
 
 def _full() -> Plan:
-    """Each effect three times, each disturbance five times, pairs and cases without effect at random."""
+    """Each effect three times, each disturbance five times, pairs and cases without effect at random.
+
+    The effects drawn at random at the end stand in for those that cannot reach three floors.
+    """
     names = sorted(set(EFFECTS) - set(RECORD_DEFECTS))
     singles: list[tuple[str, str | None]] = [("single", name) for name in names for _ in range(3)]
     outside: list[tuple[str, str | None]] = [("outside", name) for name in sorted(OUTSIDE) for _ in range(5)]
-    return Plan(821, None, tuple(singles + outside + [("none", None)] * 60 + [("pair", None)] * 15))
+    drawn: list[tuple[str, str | None]] = (
+        [("none", None)] * 60 + [("pair", None)] * 15 + [("single", None)] * 12
+    )
+    return Plan(821, None, tuple(singles + outside + drawn))
 
 
 def _x_alone() -> Plan:
