@@ -6,13 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from planting import SIGNALS, dataset, filmed, rollout
+from toyfits import toy_bench, toy_fit, toy_point
 
 from gaitopt.diagnose import evidence
 from gaitopt.diagnose import look as looking
 from gaitopt.diagnose.causes import prepared
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.diagnosis import locate
-from gaitopt.diagnose.fitting import Bench, Fit, Point, simulate
+from gaitopt.diagnose.fitting import simulate
 from gaitopt.diagnose.look import Look
 from gaitopt.diagnose.memory import Memory
 from gaitopt.optimise.executors import open_executor
@@ -81,28 +82,18 @@ class Trial:
         return np.linalg.inv(np.linalg.cholesky(np.eye(ROWS) + changes.T @ changes / len(changes)))
 
 
-def fit(name, direction, measured, trials):
-    """An effect between 0 and 1 that adds its direction, simulated at neutral, 0.5 and 1."""
-    effect = SimpleNamespace(name=name, target="none")
-    hypothesis = SimpleNamespace(
-        low=0.0, high=1.0, neutral=0.0, effect=effect, name=name, log_prior=lambda at: 0.0
-    )
-    at = (0.0, 0.5, 1.0)
-    points = [Point(np.array([a]), measured - a * direction, np.empty(0), np.empty(0)) for a in at]
-    return Fit(hypothesis, trials, points, settled=True)
-
-
 def test_a_rival_that_imitates_what_nobody_knows_does_not_win(monkeypatch):
     """The cause is ruled out by its twin until robots are drawn that show what nobody knows of them."""
     rng = np.random.default_rng(3)
     cause, unknown = 6.0 * rng.standard_normal(ROWS), 8.0 * rng.standard_normal(ROWS)
     measured = cause + 0.8 * unknown + rng.standard_normal(ROWS)
-    blocks, none = np.repeat(np.arange(6), ROWS // 6), np.zeros(0, dtype=np.intp)
-    problem, folds = SimpleNamespace(channel_names=("one", "two")), (np.arange(3), np.arange(3, 6))
-    trials = Bench(problem, None, (Trial(),), (), blocks, np.zeros(6, dtype=np.intp), none, none, folds)
-    nominal = Point(np.zeros(1), measured, np.empty(0), np.empty(0))
+    trials = toy_bench(ROWS, 6, (Trial(),), SimpleNamespace(channel_names=("one", "two")))
+    nominal, at = toy_point([0.0], measured), (0.0, 0.5, 1.0)
     changes = {"cause": cause, "twin": cause + unknown, "idle": rng.standard_normal(ROWS)}
-    fits = tuple(fit(name, change, measured, trials) for name, change in changes.items())
+    fits = tuple(
+        toy_fit(trials, measured, lambda a, change=change: a * change, at, name)
+        for name, change in changes.items()
+    )
     drawn = []
 
     def about(bench, rival, executor, seed):
@@ -115,9 +106,9 @@ def test_a_rival_that_imitates_what_nobody_knows_does_not_win(monkeypatch):
     assert named(look) == {"twin"}
     closer = look.closer(Executor(), 1, lambda *said: None)
     assert named(closer) == {"twin", "cause"}
-    assert drawn[0] == "twin"
-    assert "cause" in drawn
-    assert "idle" not in drawn
+    assert drawn[0] == "twin.all"
+    assert "cause.all" in drawn
+    assert "idle.all" not in drawn
 
 
 def named(look):

@@ -1,12 +1,11 @@
 """Pairs of effects: which are tried, how far they step, and what is learnt where a step failed."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from toyfits import toy_bench, toy_fit, toy_point
 
 from gaitopt.diagnose import pairs
-from gaitopt.diagnose.fitting import Bench, Fit, Point
+from gaitopt.diagnose.fitting import Fit
 from gaitopt.diagnose.pairs import PairFit
 
 ROWS = 40
@@ -14,27 +13,15 @@ RNG = np.random.default_rng(3)
 FIRST, SECOND, THIRD = RNG.standard_normal((3, ROWS))
 
 
-def bench() -> Bench:
-    blocks, none = np.repeat(np.arange(4), ROWS // 4), np.zeros(0, dtype=np.intp)
-    return Bench(None, None, (), (), blocks, np.zeros(4, dtype=np.intp), none, none, ())
-
-
-def point(at: list[float], whitened: np.ndarray) -> Point:
-    return Point(np.array(at), whitened, np.empty(0), np.empty(0))
-
-
 def fit(name: str, direction: np.ndarray, measured: np.ndarray, target: str = "all") -> Fit:
     """An effect between 0 and 1 that adds its direction, simulated at neutral, 0.5 and 1."""
-    hypothesis = SimpleNamespace(
-        low=0.0, high=1.0, neutral=0.0, effect=SimpleNamespace(name=name), name=f"{name}.{target}"
-    )
-    points = [point([a], measured - a * direction) for a in (0.0, 0.5, 1.0)]
-    return Fit(hypothesis, bench(), points)
+    bench = toy_bench(ROWS, 4)
+    return toy_fit(bench, measured, lambda a: a * direction, (0.0, 0.5, 1.0), name, target)
 
 
 def pair_of(one: Fit, two: Fit, at: tuple[float, float], measured: np.ndarray) -> PairFit:
     left = measured - at[0] * FIRST - at[1] * SECOND
-    return PairFit((one, two), [point(list(at), left)], -np.stack([FIRST, SECOND], axis=1))
+    return PairFit((one, two), [toy_point(at, left)], -np.stack([FIRST, SECOND], axis=1))
 
 
 def test_an_effect_that_does_the_same_is_tried_in_the_place_of_either() -> None:
@@ -44,7 +31,7 @@ def test_an_effect_that_does_the_same_is_tried_in_the_place_of_either() -> None:
     twin = fit("twin", 0.8 * SECOND + 0.01 * THIRD, measured)
     other = fit("other", THIRD, measured)
     best = pair_of(one, two, (0.6, 0.4), measured)
-    nominal = point([], measured)
+    nominal = toy_point([], measured)
     (start,) = pairs._twins(best, [one, two, twin, other], nominal, [best])
     assert [f.hypothesis.effect.name for f in start[:2]] == ["one", "twin"]
     assert start[2] == pytest.approx([0.6, 0.5], abs=0.01)
@@ -67,10 +54,10 @@ def test_a_step_goes_no_farther_than_it_may_and_less_far_after_one_that_failed()
     pair = pair_of(fit("one", FIRST, measured), fit("two", SECOND, measured), (0.0, 0.0), measured)
     step = pair.step()
     assert np.abs(step).max() == pytest.approx(pairs._FARTHEST)
-    worse = point((pair.best().at + step).tolist(), 2.0 * measured)
+    worse = toy_point(pair.best().at + step, 2.0 * measured)
     pairs._learn(pair, worse)
     assert pair.farthest == pytest.approx(0.5 * np.abs(step).max())
-    better = point((pair.best().at + step).tolist(), 0.5 * measured)
+    better = toy_point(pair.best().at + step, 0.5 * measured)
     pairs._learn(pair, better)
     assert pair.best() is better
     assert pair.farthest == pytest.approx(0.5 * np.abs(step).max())

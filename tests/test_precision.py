@@ -1,29 +1,19 @@
 """How well a parameter is known: intervals cover, and reach far where the loss is flat."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from toyfits import toy_bench, toy_fit, toy_point
 
 from gaitopt.diagnose import precision, response
 from gaitopt.diagnose.evidence import Rival
-from gaitopt.diagnose.fitting import Bench, Fit, Point
 from gaitopt.diagnose.pairs import PairFit
 
 ROWS, TRUE = 60, 0.9
 
 
-def bench():
-    blocks, none = np.repeat(np.arange(6), ROWS // 6), np.zeros(0, dtype=np.intp)
-    return Bench(None, None, (), (), blocks, np.zeros(6, dtype=np.intp), none, none, ())
-
-
 def fitted(measured, predicted, at):
     """A fit of one parameter between 0 and 2, simulated at some coordinates, and its rival."""
-    trials = bench()
-    points = [Point(np.array([a]), measured - predicted(a), np.empty(0), np.empty(0)) for a in at]
-    hypothesis = SimpleNamespace(low=0.0, high=2.0, value=lambda a: a)
-    fit = Fit(hypothesis, trials, points)
+    fit = toy_fit(toy_bench(ROWS, 6), measured, predicted, at, high=2.0)
     return Rival((fit,), (fit.best(),), fit.loss(), fit.loss(), fit.between("whitened"), np.empty(0), 0.0)
 
 
@@ -62,7 +52,7 @@ def test_an_interval_of_a_pair_covers_too():
         unknown = rng.standard_normal(ROWS) + rng.standard_normal(4) @ hidden
         at = np.full(2, TRUE) + np.linalg.lstsq(slopes, unknown, rcond=None)[0]
         left = unknown - slopes @ (at - TRUE)
-        pair = PairFit(fits, [Point(at, left, np.empty(0), np.empty(0))], -slopes)
+        pair = PairFit(fits, [toy_point(at, left)], -slopes)
         losses = fits[0].bench.losses(left, left)
         rival = Rival(fits, tuple(at.tolist()), losses, losses, left, np.empty(0), 0.0, pair)
         drawn = rng.standard_normal((8, 4)) @ hidden

@@ -1,0 +1,44 @@
+"""Fits and benches without a simulator: effects that add a known direction to white rows."""
+
+from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gaitopt.diagnose.fitting import Bench, Fit, Point
+
+
+def toy_bench(rows: int, count: int, views: Sequence[Any] = (), problem: Any = None) -> Bench:
+    """Rows in so many blocks of one trial, two folds of them."""
+    none, blocks = np.zeros(0, dtype=np.intp), np.repeat(np.arange(count), rows // count)
+    folds = tuple(np.array_split(np.arange(count), 2))
+    return Bench(problem, None, tuple(views), (), blocks, np.zeros(count, dtype=np.intp), none, none, folds)
+
+
+def toy_point(at: ArrayLike, whitened: np.ndarray) -> Point:
+    return Point(np.asarray(at, dtype=float), whitened, np.empty(0), np.empty(0))
+
+
+def toy_fit(
+    bench: Bench,
+    measured: np.ndarray,
+    predicted: Callable[[float], np.ndarray],
+    at: Sequence[float],
+    name: str = "toy",
+    target: str = "all",
+    high: float = 1.0,
+) -> Fit:
+    """The fit of an effect from 0 to so much, simulated here and there, that changes rows as predicted."""
+    hypothesis = SimpleNamespace(
+        low=0.0,
+        high=high,
+        neutral=0.0,
+        effect=SimpleNamespace(name=name, target="none"),
+        name=f"{name}.{target}",
+        value=lambda a: a,
+        log_prior=lambda a: 0.0,
+    )
+    points = [toy_point([a], measured - predicted(a)) for a in at]
+    return Fit(hypothesis, bench, points, settled=True)
