@@ -1,6 +1,6 @@
 """The diagnosis' record on blind cases: made, diagnosed and scored, case by case, resumable.
 
-    python tests/benchmarks/blind_record.py development --work /tmp/blind --out results/diagnosis
+    python tests/benchmarks/blind_record.py development --work /tmp/blind --seed 900
     python tests/benchmarks/blind_record.py full --work /tmp/blind-full --out results/blind
     python tests/benchmarks/blind_record.py x-alone --work /tmp/blind-x --out results/blind
 
