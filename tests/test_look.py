@@ -106,9 +106,9 @@ def test_a_rival_that_imitates_what_nobody_knows_does_not_win(monkeypatch):
     assert named(look) == {"twin"}
     closer = look.closer(Executor(), 1, lambda *said: None)
     assert named(closer) == {"twin", "cause"}
-    assert drawn[0] == "twin.all"
-    assert "cause.all" in drawn
-    assert "idle.all" not in drawn
+    assert drawn[0] == "twin"
+    assert "cause" in drawn
+    assert "idle" not in drawn
 
 
 def named(look):

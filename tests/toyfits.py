@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gaitopt.diagnose.fitting import Bench, Fit, Point
+from gaitopt.diagnose.hypotheses import Hypothesis
+from gaitopt.effects.effect import ALL
 
 
 def toy_bench(rows: int, count: int, views: Sequence[Any] = (), problem: Any = None) -> Bench:
@@ -27,18 +29,12 @@ def toy_fit(
     predicted: Callable[[float], np.ndarray],
     at: Sequence[float],
     name: str = "toy",
-    target: str = "all",
+    target: str = ALL,
     high: float = 1.0,
 ) -> Fit:
     """The fit of an effect from 0 to so much, simulated here and there, that changes rows as predicted."""
-    hypothesis = SimpleNamespace(
-        low=0.0,
-        high=high,
-        neutral=0.0,
-        effect=SimpleNamespace(name=name, target="none"),
-        name=f"{name}.{target}",
-        value=lambda a: a,
-        log_prior=lambda a: 0.0,
-    )
+    kind = "none" if target == ALL else "any"
+    effect: Any = SimpleNamespace(name=name, target=kind, scale="lin", log_prior=lambda value, nominal: 0.0)
+    hypothesis = Hypothesis(effect, target, 0.0, high, 0.0, cast(Any, None))
     points = [toy_point([a], measured - predicted(a)) for a in at]
     return Fit(hypothesis, bench, points, settled=True)

@@ -47,13 +47,17 @@ GAITS = ("square-4s", "square-2s", "square-1s")
 SECONDS = 10.0
 
 
+Planned = tuple[str, str | None]
+"""The kind of a case, and what is planted where that is not drawn."""
+
+
 @dataclass(frozen=True)
 class Plan:
-    """Which cases a record is made of: for each its kind, and what is planted where that is not drawn."""
+    """Which cases a record is made of."""
 
     seed: int
     signals: tuple[str, ...] | None
-    cases: tuple[tuple[str, str | None], ...]
+    cases: tuple[Planned, ...]
 
 
 def _development() -> Plan:
@@ -66,11 +70,9 @@ def _full() -> Plan:
     The effects drawn at random at the end stand in for those that cannot reach three floors.
     """
     names = sorted(set(EFFECTS) - set(RECORD_DEFECTS))
-    singles: list[tuple[str, str | None]] = [("single", name) for name in names for _ in range(3)]
-    outside: list[tuple[str, str | None]] = [("outside", name) for name in sorted(OUTSIDE) for _ in range(5)]
-    drawn: list[tuple[str, str | None]] = (
-        [("none", None)] * 60 + [("pair", None)] * 15 + [("single", None)] * 12
-    )
+    singles: list[Planned] = [("single", name) for name in names for _ in range(3)]
+    outside: list[Planned] = [("outside", name) for name in sorted(OUTSIDE) for _ in range(5)]
+    drawn: list[Planned] = [("none", None)] * 60 + [("pair", None)] * 15 + [("single", None)] * 12
     return Plan(821, None, tuple(singles + outside + drawn))
 
 
