@@ -1,5 +1,7 @@
 """Pairs of effects: which are tried, how far they step, and what is learnt where a step failed."""
 
+from concurrent.futures import Executor
+
 import numpy as np
 import pytest
 from toyfits import toy_bench, toy_fit, toy_point
@@ -61,3 +63,23 @@ def test_a_step_goes_no_farther_than_it_may_and_less_far_after_one_that_failed()
     pairs._learn(pair, better)
     assert pair.best() is better
     assert pair.farthest == pytest.approx(0.5 * np.abs(step).max())
+
+
+def test_of_uneven_cycles_only_the_measurement_may_be_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What repeats in every cycle makes none of them differ, but a clock that is fast does."""
+    measured = 0.6 * FIRST + 0.4 * SECOND
+    fits = [fit("one", FIRST, measured), fit("two", SECOND, measured), fit("clock", THIRD, measured)]
+    for one in fits:
+        one.hypothesis.effect.observe = len if one.hypothesis.effect.name == "clock" else None
+    tried: list[list[str]] = []
+
+    def begun(starts, executor, count):  # type: ignore[no-untyped-def]
+        tried.append(sorted({fit.hypothesis.effect.name for start in starts for fit in start[:2]}))
+        assert not tried[1:] or all("clock" in [f.hypothesis.effect.name for f in s[:2]] for s in starts)
+        return []
+
+    monkeypatch.setattr(pairs, "_begun", begun)
+    for only in (False, True):
+        pairs.fit_pairs(fits, toy_point([], measured), Executor(), lambda *said: None, measured=only)
+    assert tried[0] == ["clock", "one", "two"]
+    assert "clock" in tried[1]

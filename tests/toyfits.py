@@ -37,4 +37,4 @@ def toy_fit(
     effect: Any = SimpleNamespace(name=name, target=kind, scale="lin", log_prior=lambda value, nominal: 0.0)
     hypothesis = Hypothesis(effect, target, 0.0, high, 0.0, cast(Any, None))
     points = [toy_point([a], measured - predicted(a)) for a in at]
-    return Fit(hypothesis, bench, points, settled=True)
+    return Fit(hypothesis, bench, points)

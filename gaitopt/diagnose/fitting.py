@@ -59,12 +59,6 @@ _FINISH = 4
 _STRIDE = 0.12
 """Share of the range by which the search goes on beyond its outermost point, until the loss rises."""
 
-_FAINT = 0.3
-"""A start that changes less than this share of the nominal residual has not shown what its effect does."""
-
-_EXPLORED = 0.5
-"""A side on which a robot was simulated so far on the way to its bound needs no second start."""
-
 Note = Callable[[str, int, int], None]
 """Called with what is being done, how many robots have been simulated, and how many may be at most."""
 
@@ -327,26 +321,33 @@ class Fit:
         hypothesis: the hypothesis.
         bench: the trials.
         points: simulated sets in order of their coordinate, the nominal robot among them.
-        settled: whether a further set would tell nothing new.
+        failed: coordinates that could not be simulated.
     """
 
     hypothesis: Hypothesis
     bench: Bench
     points: list[Point]
-    settled: bool = False
+    failed: list[float] = field(default_factory=list)
     _curve: Curve | None = field(default=None, repr=False)
 
     def on(self, bench: Bench) -> Fit:
         """Return the fit as another bench of the same trials sees it."""
-        return Fit(self.hypothesis, bench, [bench.seen(p, self.bench) for p in self.points], self.settled)
+        return Fit(self.hypothesis, bench, [bench.seen(p, self.bench) for p in self.points], [*self.failed])
 
-    def add(self, point: Point | None) -> None:
-        """Take in one more simulated set."""
+    def add(self, at: float, point: Point | None) -> None:
+        """Take in one more set, None where it could not be simulated."""
+        self._curve = None
         if point is None:
-            self.settled = len(self.points) > 4
+            self.failed.append(at)
             return
         self.points = sorted([*self.points, point], key=lambda p: float(p.at[0]))
-        self._curve = None
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """The searched range: up to the outermost simulated robot where one beyond it failed."""
+        first, last = float(self.points[0].at[0]), float(self.points[-1].at[0])
+        low = first if min(self.failed, default=first) < first else self.hypothesis.low
+        return low, last if max(self.failed, default=last) > last else self.hypothesis.high
 
     @property
     def curve(self) -> Curve:
@@ -403,28 +404,12 @@ class Fit:
         """The whitened residual without the effect."""
         return min(self.points, key=lambda p: abs(float(p.at[0]) - self.hypothesis.neutral)).whitened
 
-    @property
-    def far(self) -> list[float]:
-        """Where to start again: far out on each side left near neutral, if nothing shows or the loss falls.
-
-        A limit shows nothing until it is reached, and some responses set in late.
-        """
-        h, losses = self.hypothesis, [float(p.whitened @ p.whitened) for p in self.points]
-        faint = np.sum(self._changes() ** 2, axis=1).max() < _FAINT**2 * float(self._neutral @ self._neutral)
-        starts = []
-        for bound in h.sides:
-            ways = [(float(p.at[0]) - h.neutral) / (bound - h.neutral) for p in self.points]
-            ahead = sorted((way, loss) for way, loss in zip(ways, losses, strict=True) if way > -1e-9)
-            way, last = ahead[-1]
-            falling = len(ahead) > 1 and last <= min(loss for _, loss in ahead)
-            if way < _EXPLORED and (faint or falling):
-                starts += h.far(bound)
-        return starts
-
     def wanted(self) -> float | None:
         """Return the coordinate to simulate next, or None where that would tell nothing new."""
-        if self.settled or len(self.points) < 2:
-            return None
+        at = self._next() if len(self.points) > 1 else None
+        return None if at is None or at in self.failed else at
+
+    def _next(self) -> float | None:
         known = np.array([float(p.at[0]) for p in self.points])
         width = self.hypothesis.high - self.hypothesis.low
         best = self.best()
@@ -454,7 +439,7 @@ class Fit:
 
     def _beyond(self, known: Array, index: int) -> float | None:
         """Return where to look beyond the outermost simulated point if the least loss is about there."""
-        low, high = self.hypothesis.low, self.hypothesis.high
+        low, high = self.reach
         step = _STRIDE * (high - low)
         nearest = float(known[index])
         if index == 0 and nearest - low > 0.25 * step:
@@ -474,16 +459,17 @@ def _curve(fit: Fit) -> Curve:
         alone = bench.losses(points[0].whitened, points[0].whitened)
         return Curve(points[0].at[:1], alone[:, None], np.zeros(1, dtype=np.intp), np.zeros(1))
     at, losses, lefts, shares = [], [], [], []
+    lowest, highest = fit.reach
     last = len(points) - 2
     for left in range(last + 1):
         low, high = points[left], points[left + 1]
         share = np.arange(_PER_INTERVAL) / _PER_INTERVAL
         gap = float(high.at[0] - low.at[0])
         if left == 0:
-            room = min(_REACH, (float(low.at[0]) - fit.hypothesis.low) / gap)
+            room = min(_REACH, (float(low.at[0]) - lowest) / gap)
             share = np.concatenate([_beyond(-room), share])
         if left == last:
-            room = min(_REACH, (fit.hypothesis.high - float(high.at[0])) / gap)
+            room = min(_REACH, (highest - float(high.at[0])) / gap)
             share = np.concatenate([share, [1.0], 1.0 - _beyond(-room)[::-1]])
         own, mixed, other = (
             bench.losses(a.whitened, b.whitened)[:, None] for a, b in ((low, low), (low, high), (high, high))
@@ -521,9 +507,6 @@ def fit_all(
     _simulate_each([(fit, at) for fit in fits for at in fit.hypothesis.screened], executor, count)
     rows = len(nominal.whitened)
     _refine(fits, rows, executor, count)
-    far = [(fit, at) for fit in fits for at in fit.far]
-    _simulate_each(far, executor, count)
-    _refine(fits, rows, executor, count, HOPELESS[2:])
     finish(fits, executor, note)
     return fits
 
@@ -542,13 +525,7 @@ class Count:
         self.note(self.what, self.done, max(self.done, self.most))
 
 
-def _refine(
-    fits: Sequence[Fit],
-    rows: int,
-    executor: Executor,
-    count: Count,
-    hopeless: Sequence[float] = HOPELESS,
-) -> None:
+def _refine(fits: Sequence[Fit], rows: int, executor: Executor, count: Count) -> None:
     """Simulate the fits that look best where they look best, in rounds.
 
     Args:
@@ -556,12 +533,11 @@ def _refine(
         rows: whitened rows: the loss of a right model.
         executor: where robots are simulated.
         count: counts them.
-        hopeless: in each round, the loss at which a hypothesis is given up, in least losses.
     """
     count.add(0, sum(min(most, len(fits)) for most in ROUNDS))
     for number, most in enumerate(ROUNDS):
         losses = [float(fit.loss().sum()) for fit in fits]
-        limit = hopeless[min(number, len(hopeless) - 1)] * max(min(losses, default=0.0), rows)
+        limit = HOPELESS[min(number, len(HOPELESS) - 1)] * max(min(losses, default=0.0), rows)
         order = np.argsort(losses, kind="stable")
         ordered = [fits[i] for i in order if losses[i] <= limit or fits[i].alike(fits[order[0]]) >= ALIKE]
         wanted = [(fit, fit.wanted()) for fit in ordered[:most]]
@@ -592,7 +568,7 @@ def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, count:
         h = fit.hypothesis
         observed = h.effect.observe is not None
         call = (fit.bench, {h.effect.name: h.values(at)}, [at], observed)
-        futures.append((fit, executor.submit(simulate, *call)))
-    for fit, future in futures:
-        fit.add(future.result())
+        futures.append((fit, at, executor.submit(simulate, *call)))
+    for fit, at, future in futures:
+        fit.add(at, future.result())
         count.add(1, 0)

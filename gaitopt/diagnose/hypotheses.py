@@ -13,11 +13,12 @@ from gaitopt.effects.effect import ALL, Parts
 RECORD_DEFECTS = ("clock_rounding", "marker_outliers")
 """Effects that are found in the record itself, before anything is fitted."""
 
-_SCREENED = 0.2
-"""Share of the way from neutral to a bound at which a hypothesis is screened first."""
+_SCREENED = (0.2, 0.6, 1.0)
+"""Shares of the way from neutral to each bound at which a hypothesis is tried first.
 
-_FAR = 0.6
-"""The same of the second start, where the first showed little or led on."""
+What one of them does foretells little of another: limits show nothing until they are reached, some
+responses set in late, and raising a friction is not lowering it the other way round.
+"""
 
 _OBSERVED = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Shares tried where no simulation is needed."""
@@ -69,27 +70,14 @@ class Hypothesis:
 
     @property
     def screened(self) -> list[float]:
-        """Coordinates at which the hypothesis is tried first, off the bounds.
-
-        Where both sides of neutral are allowed, the side with more room: its mirror image will do for the
-        other until that looks better.
-        """
-        if self.effect.observe is not None:
-            return self._at(self.sides, _OBSERVED)
-        roomy = sorted(self.sides, key=lambda bound: abs(bound - self.neutral))[-1:]
-        return self._at(roomy, (_SCREENED,))
-
-    def far(self, bound: float) -> list[float]:
-        """Coordinates of the second start towards a bound; none where the first try was dense."""
-        return self._at((bound,), (_FAR,)) if self.effect.observe is None else []
+        """Coordinates at which the hypothesis is tried first, in order."""
+        shares = _SCREENED if self.effect.observe is None else _OBSERVED
+        return sorted(self.neutral + s * (bound - self.neutral) for bound in self.sides for s in shares)
 
     @property
     def sides(self) -> list[float]:
         """Bounds other than neutral."""
         return [bound for bound in (self.low, self.high) if abs(bound - self.neutral) > 1e-9]
-
-    def _at(self, bounds: Sequence[float], shares: Sequence[float]) -> list[float]:
-        return sorted(self.neutral + s * (bound - self.neutral) for bound in bounds for s in shares)
 
 
 def hypotheses(

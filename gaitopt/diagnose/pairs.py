@@ -111,7 +111,9 @@ class PairFit:
         return np.array([(fit.hypothesis.low, fit.hypothesis.high)[side] for fit in self.fits])
 
 
-def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Note) -> list[PairFit]:
+def fit_pairs(
+    fits: Sequence[Fit], nominal: Point, executor: Executor, note: Note, measured: bool = False
+) -> list[PairFit]:
     """Fit the pairs that look best.
 
     Args:
@@ -119,13 +121,15 @@ def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Not
         nominal: the trials beside the nominal robot.
         executor: where robots are simulated.
         note: called as it goes.
+        measured: whether one of the two must be an effect on the measurement, not on the robot.
     """
     count = Count("fitting pairs of effects", note)
-    pairs = _kept(_begun(_starts(fits, nominal), executor, count), _PAIRS)
+    starts = [s for s in _starts(fits, nominal) if not measured or _is_measured(s[0]) or _is_measured(s[1])]
+    pairs = _kept(_begun(starts, executor, count), _PAIRS)
     _improve(pairs, _ROUNDS, executor, count)
     if pairs:
         best = min(pairs, key=_least)
-        starts = _twins(best, fits, nominal, _near(pairs))
+        starts = [] if measured else _twins(best, fits, nominal, _near(pairs))
         twins = _kept(_begun(starts, executor, count), _PAIRS)
         _improve(twins, _TWIN_ROUNDS, executor, count)
         pairs += twins
@@ -172,6 +176,10 @@ def _starts(fits: Sequence[Fit], nominal: Point) -> list[Start]:
             _, at = _least_added(best.between("whitened"), fit, nominal)
             found[names] = (best, fit, np.array([best.best(), at]))
     return list(found.values())
+
+
+def _is_measured(fit: Fit) -> bool:
+    return fit.hypothesis.effect.observe is not None
 
 
 def _twins(pair: PairFit, fits: Sequence[Fit], nominal: Point, near: Sequence[PairFit]) -> list[Start]:

@@ -73,13 +73,13 @@ def _full() -> Plan:
     singles: list[Planned] = [("single", name) for name in names for _ in range(3)]
     outside: list[Planned] = [("outside", name) for name in sorted(OUTSIDE) for _ in range(5)]
     drawn: list[Planned] = [("none", None)] * 60 + [("pair", None)] * 15 + [("single", None)] * 12
-    return Plan(821, None, tuple(singles + outside + drawn))
+    return Plan(831, None, tuple(singles + outside + drawn))
 
 
 def _x_alone() -> Plan:
     counts = {"single": 24, "none": 8, "outside": 4, "pair": 4}
     return Plan(
-        802, ("marker.x",), tuple((kind, None) for kind, count in counts.items() for _ in range(count))
+        822, ("marker.x",), tuple((kind, None) for kind, count in counts.items() for _ in range(count))
     )
 
 
