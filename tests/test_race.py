@@ -2,6 +2,7 @@
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,10 @@ import pytest
 
 from gaitopt.gait import Gait
 from gaitopt.objective import FAILED_COST
-from gaitopt.optimise.evaluator import RACED_ON, Evaluator, Setting
+from gaitopt.optimise.evaluator import DROPPED, RACED_ON, Evaluator, Setting
 from gaitopt.optimise.executors import SerialExecutor, open_executor
 from gaitopt.optimise.journal import Journal
+from gaitopt.optimise.run import _failure_notes
 from gaitopt.optimise.study import Study, quasi_random
 from gaitopt.optimise.verification import SEARCH, scenarios_of
 from gaitopt.problem import Problem
@@ -91,6 +93,18 @@ def test_only_populations_race(whole: str) -> None:
     assert len(dropped) >= 3
     assert most < max(float(row["simulated_s"]) / float(row["period_s"]) for row in rows)
     assert min(rows, key=lambda row: float(row["cost"]))["status"] == "ok"
+
+
+def test_to_be_dropped_is_not_to_fail(varied: Problem, whole: str, tmp_path: Path) -> None:
+    path = tmp_path / "evaluations.csv"
+    path.write_text(whole)
+    entries = Journal(path, varied).entries
+    assert any(entry.evaluation.status.startswith(DROPPED) for entry in entries)
+    assert _failure_notes(entries, [], []) == ()
+    stuck = [replace(entry, evaluation=replace(entry.evaluation, status="stuck")) for entry in entries[:2]]
+    assert _failure_notes([*entries[2:], *stuck], [], []) == (
+        f"2 of {len(entries)} gaits failed in simulation: stuck (2)",
+    )
 
 
 @pytest.mark.parametrize("rows", [1, 4, 9, 16, BUDGET])

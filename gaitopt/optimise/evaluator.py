@@ -23,6 +23,9 @@ RACED_ON = 2.0 / 3.0
 """Share of a population that is simulated in every scenario. Of the three best of twelve neighbours none
 is lost so, and with half of them one in eleven; see ``results/profile``."""
 
+DROPPED = "dropped"
+"""How the status of a gait begins that the race has dropped."""
+
 _KEPT = 8
 """Compiled settings that a worker keeps, the latest ones."""
 
@@ -135,7 +138,7 @@ def _dropped(evaluation: Evaluation, worst: float, count: int) -> Evaluation:
     if evaluation.status != "ok":
         return evaluation
     return replace(
-        evaluation, cost=max(evaluation.cost, worst), status=f"dropped after 1 of {count} scenarios"
+        evaluation, cost=max(evaluation.cost, worst), status=f"{DROPPED} after 1 of {count} scenarios"
     )
 
 

@@ -14,7 +14,7 @@ from scipy import stats
 from gaitopt.errors import GaitoptError
 from gaitopt.gait import Gait
 from gaitopt.objective import check_objective
-from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.evaluator import DROPPED, Evaluator, Setting
 from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
 from gaitopt.optimise.ladder import Rung
 from gaitopt.optimise.pareto import FrontGait, front_of, thinned, verified_front
@@ -165,7 +165,7 @@ def _failure_notes(
     entries: Sequence[Entry], baselines: Sequence[str], verified: Sequence[Verified]
 ) -> tuple[str, ...]:
     """Return how many gaits of the search failed in simulation and why, and which baselines did."""
-    reasons = Counter(e.evaluation.status for e in entries if e.evaluation.status != "ok")
+    reasons = Counter(s for e in entries if not (s := e.evaluation.status).startswith(("ok", DROPPED)))
     said = ", ".join(f"{reason} ({count})" for reason, count in reasons.most_common())
     searched = (f"{reasons.total()} of {len(entries)} gaits failed in simulation: {said}",) if said else ()
     return searched + tuple(
