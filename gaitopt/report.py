@@ -14,6 +14,7 @@ from gaitopt.files import write_text, write_with
 from gaitopt.gait import Gait
 from gaitopt.metrics import METRICS
 from gaitopt.model import Robot
+from gaitopt.optimise.ladder import TRUSTED
 from gaitopt.optimise.run import Optimised
 from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, Sensitivity
 from gaitopt.page import Page, Picture, Section, Table, folded, image_section, png, save_figures, writer
@@ -401,9 +402,10 @@ def _laddered(rungs: Sequence[Mapping[str, Any]]) -> str:
     """Return which cheaper rungs were measured, how well they rank and whether they were used."""
     said = []
     for rung in rungs:
-        ranks = f"rank correlation {rung['rank_correlation']:.2f}"
+        ranks = f"rank correlation {rung['rank_correlation']:.3f}"
         lower = f"{figure(rung['timestep_s'])} s steps, {figure(rung['measured_s'])} s measured"
-        said.append(f"{rung['name']} ({lower}): {ranks}, {'used' if rung['used'] else 'refused'}")
+        fate = "used" if rung["used"] else f"refused: below {TRUSTED}"
+        said.append(f"{rung['name']} ({lower}): {ranks}, {fate}")
     return "; ".join(said) or "none measured, every gait was judged at the working fidelity"
 
 
