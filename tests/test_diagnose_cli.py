@@ -162,7 +162,7 @@ def test_the_real_trials(tmp_path, capsys, monkeypatch):
         table = np.genfromtxt(HARDWARE / f"gait-{name}.csv", delimiter=",", names=True)
         trials[name] = (f"square-{name}", {"t_s": table["t_s"], "x_m": table["x_m"]})
     folder = dataset(tmp_path / "trials", trials)
-    few = ["--effects", "pad_friction"]
+    few = ["--effects", "ground_slope"]
     assert main(["diagnose", "arcfold", str(folder), "--out", str(tmp_path / "out"), "--json", *few]) == 0
     found = json.loads(capsys.readouterr().out)
     assert {(row["trial"], row["name"]) for row in found["defects"]} >= {
@@ -187,7 +187,7 @@ def sloped(arcfold, tmp_path_factory):
 def test_an_interrupted_diagnosis_goes_on_to_the_same_bits(sloped, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(diagnosis, "propose", lambda *_: None)  # which are not kept: they take seconds
     monkeypatch.setattr(diagnosis_report, "walked_gaits", lambda *_: [])
-    few = ["--effects", "ground_slope,pad_friction", "--quiet"]
+    few = ["--effects", "ground_slope,camera_tilt", "--quiet"]
     whole, halted = tmp_path / "whole", tmp_path / "halted"
     assert main(["diagnose", "arcfold", str(sloped), "--out", str(whole), *few]) == 0
     assert not list(whole.glob("simulated-*"))

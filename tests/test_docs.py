@@ -50,7 +50,7 @@ def workplace(
         monkeypatch.setattr(module, name, value)
     monkeypatch.setattr(video, "FPS", 2.0)
     monkeypatch.setattr(video, "LOOP_RATES", (2.0,))
-    few = functools.partial(diagnosis_report.diagnose, among=["servo_gain", "camera_scale"])
+    few = functools.partial(diagnosis_report.diagnose, among=["ground_slope", "camera_scale"])
     monkeypatch.setattr(diagnosis_report, "diagnose", few)
     monkeypatch.setattr(demo, "demo_problem", lambda: quick)
     monkeypatch.setattr(demo, "REQUEST", Request(budget=BUDGET))
@@ -62,7 +62,7 @@ def workplace(
 def lowered(command: str) -> str:
     """The command with a small budget: few gaits, one brief blind case, two effects."""
     if command.startswith("gaitopt diagnose"):
-        command += " --effects servo_gain,camera_scale"
+        command += " --effects ground_slope,camera_scale"
     command = re.sub(r"--cases \d+", "--cases 1 --gaits square-1s --seconds 3", command)
     if re.match(r"gaitopt optimise(?!.*--resume)", command):
         command = re.sub(r"\s--budget \d+", "", command) + f" --budget {BUDGET} --quiet"
@@ -97,7 +97,7 @@ def readme() -> list[str]:
 
 def film_of_a_robot(path: Path) -> None:
     """Write what Tracker would: a marker that creeps forward."""
-    rows = "\n".join(f"{0.05 * i:.2f}\t{0.001 * i:.4f}\t0.0000" for i in range(80))
+    rows = "\n".join(f"{0.05 * i:.2f}\t{0.001 * i:.4f}\t0.0000" for i in range(60))
     write_text(path, f"mass_A\nt\tx\ty\n{rows}\n")
 
 

@@ -13,7 +13,7 @@ from gaitopt.errors import GaitoptError
 from gaitopt.optimise.executors import open_executor
 from gaitopt.rollout import Simulator
 
-AMONG = ("servo_torque_limit", "ground_slope", "servo_trim", "camera_scale")
+AMONG = ("servo_torque_limit", "ground_slope", "camera_scale")
 
 
 @pytest.fixture(scope="module")
@@ -37,13 +37,12 @@ def diagnosed(
 @pytest.mark.parametrize(
     ("name", "target", "value", "within"),
     [
-        ("servo_torque_limit", "all", 0.17, 0.02),
-        ("servo_trim", "mid_act", 0.1, 0.02),
+        ("servo_torque_limit", "mid_act", 0.17, 0.02),
         ("camera_scale", None, 1.08, 0.02),
     ],
 )
 def test_a_planted_cause_is_found_with_its_parameter(simulator, tmp_path, name, target, value, within):
-    parameter = {"servo_torque_limit": "limit_n_m", "servo_trim": "offset_rad"}.get(name, "scale")
+    parameter = {"servo_torque_limit": "limit_n_m"}.get(name, "scale")
     planted = {parameter: value} | ({"target": target} if target else {})
     found = diagnosed(simulator, tmp_path, {name: planted})
     assert found["causes"][0] == name
