@@ -7,6 +7,7 @@ when they like; and cut to what is asked for it has the same bits as a rollout o
 from __future__ import annotations
 
 import hashlib
+from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -20,6 +21,9 @@ from gaitopt.gait import Gait
 from gaitopt.rollout import Simulator
 from gaitopt.trajectory import Trajectory
 
+MOST = 1300
+"""Rollouts kept, the latest asked for: 4 MB each, and what diagnoses of ArcFold share are some 1100."""
+
 
 @contextmanager
 def shared_rollouts(longest: Mapping[str, float]) -> Iterator[None]:
@@ -30,7 +34,7 @@ def shared_rollouts(longest: Mapping[str, float]) -> Iterator[None]:
     """
     own = Simulator.run
     seen: set[str] = set()
-    kept: dict[str, Trajectory] = {}
+    kept: OrderedDict[str, Trajectory] = OrderedDict()
 
     def run(
         robot: Simulator, gait: Gait, scenario: int = 0, duration: float | None = None, poses: bool = False
@@ -42,11 +46,13 @@ def shared_rollouts(longest: Mapping[str, float]) -> Iterator[None]:
         if key not in seen:
             seen.add(key)
             return own(robot, gait, scenario, duration)
-        if key not in kept:
-            kept[key] = own(robot, gait, scenario, most)
-        if kept[key].status != "ok":
+        path = kept.pop(key, None) or own(robot, gait, scenario, most)
+        kept[key] = path  # behind all others
+        if len(kept) > MOST:
+            kept.popitem(last=False)
+        if path.status != "ok":
             return own(robot, gait, scenario, duration)
-        return _cut(kept[key], len(robot.clock(duration)[:: robot._every]))
+        return _cut(path, len(robot.clock(duration)[:: robot._every]))
 
     Simulator.run = run  # type: ignore[method-assign]
     try:
