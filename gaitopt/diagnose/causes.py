@@ -222,14 +222,32 @@ def find_causes(
     if evidence.left(look.bench, best) > _TRY_PAIRS:
         # By the first covariance: effects that do not explain the gap must not teach what explains it.
         # Of uneven cycles only the measurement may be a part: a clock that is fast shifts each of them more.
-        pairs = tuple(fit_pairs(wide.fits, wide.nominal, executor, note, measured=uneven > UNEVEN))
-        two = replace(wide, pairs=pairs).closer(executor, seed, note)
-        if pairs and _needed(two):
-            about_two = precision.drawn_about(two.bench, two.first, executor, seed)
-            uneven_two = unevenness(ready, floors, about_two.points)
-            if _shown(two, about_two) and uneven_two <= UNEVEN:
-                look, drawn, uneven = two, about_two, uneven_two
+        found = _of_two(wide, uneven > UNEVEN, executor, seed, note)
+        if found and (uneven_two := unevenness(ready, floors, found[1].points)) <= UNEVEN:
+            look, drawn, uneven = *found, uneven_two
     return _concluded(look, drawn, uneven, floor_m, before <= FAINT_GAP, seed)
+
+
+def _of_two(
+    wide: Look, measured: bool, executor: Executor, seed: int, note: Note
+) -> tuple[Look, Drawn] | None:
+    """Return the rivals of two effects and robots drawn about the first, if two are needed and shown.
+
+    Args:
+        wide: every rival of one effect.
+        measured: whether one of the two must be an effect on the measurement.
+        executor: where robots are simulated.
+        seed: seed of the draws.
+        note: called as it goes.
+    """
+    pairs = tuple(fit_pairs(wide.fits, wide.nominal, executor, note, measured))
+    if not pairs:
+        return None
+    two = replace(wide, pairs=pairs).closer(executor, seed, note)
+    if not _needed(two):
+        return None
+    drawn = precision.drawn_about(two.bench, two.first, executor, seed)
+    return (two, drawn) if _shown(two, drawn) else None
 
 
 def _without_gap(look: Look, uneven: float, seed: int) -> Causes:

@@ -343,6 +343,11 @@ class Fit:
         self.points = sorted([*self.points, point], key=lambda p: float(p.at[0]))
 
     @property
+    def observed(self) -> bool:
+        """Whether the effect changes the measurement, not the robot."""
+        return self.hypothesis.effect.observe is not None
+
+    @property
     def reach(self) -> tuple[float, float]:
         """The searched range: up to the outermost simulated robot where one beyond it failed."""
         first, last = float(self.points[0].at[0]), float(self.points[-1].at[0])
@@ -435,7 +440,8 @@ class Fit:
         nearest = min(float(np.mean((p.whitened - white) ** 2)) for p in self.points)
         apart = min(abs(float(p.at[0]) - best) for p in self.points)
         width = self.hypothesis.high - self.hypothesis.low
-        return best if nearest > _CLOSE and apart > 1e-6 * width else None
+        known = best in self.failed or apart <= 1e-6 * width
+        return best if nearest > _CLOSE and not known else None
 
     def _beyond(self, known: Array, index: int) -> float | None:
         """Return where to look beyond the outermost simulated point if the least loss is about there."""
@@ -566,8 +572,7 @@ def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, count:
     futures = []
     for fit, at in work:
         h = fit.hypothesis
-        observed = h.effect.observe is not None
-        call = (fit.bench, {h.effect.name: h.values(at)}, [at], observed)
+        call = (fit.bench, {h.effect.name: h.values(at)}, [at], fit.observed)
         futures.append((fit, at, executor.submit(simulate, *call)))
     for fit, at, future in futures:
         fit.add(at, future.result())

@@ -124,7 +124,7 @@ def fit_pairs(
         measured: whether one of the two must be an effect on the measurement, not on the robot.
     """
     count = Count("fitting pairs of effects", note)
-    starts = [s for s in _starts(fits, nominal) if not measured or _is_measured(s[0]) or _is_measured(s[1])]
+    starts = [s for s in _starts(fits, nominal) if not measured or s[0].observed or s[1].observed]
     pairs = _kept(_begun(starts, executor, count), _PAIRS)
     _improve(pairs, _ROUNDS, executor, count)
     if pairs:
@@ -176,10 +176,6 @@ def _starts(fits: Sequence[Fit], nominal: Point) -> list[Start]:
             _, at = _least_added(best.between("whitened"), fit, nominal)
             found[names] = (best, fit, np.array([best.best(), at]))
     return list(found.values())
-
-
-def _is_measured(fit: Fit) -> bool:
-    return fit.hypothesis.effect.observe is not None
 
 
 def _twins(pair: PairFit, fits: Sequence[Fit], nominal: Point, near: Sequence[PairFit]) -> list[Start]:
@@ -349,7 +345,7 @@ def _simulate_pair(pair: PairFit, at: Array) -> Point | None:
     effects, observed = {}, True
     for fit, coordinate in zip(pair.fits, at.tolist(), strict=True):
         effects[fit.hypothesis.effect.name] = fit.hypothesis.values(coordinate)
-        observed = observed and fit.hypothesis.effect.observe is not None
+        observed = observed and fit.observed
     return simulate(pair.fits[0].bench, effects, at.tolist(), observed)
 
 

@@ -165,14 +165,19 @@ def _failure_notes(
     entries: Sequence[Entry], baselines: Sequence[str], verified: Sequence[Verified]
 ) -> tuple[str, ...]:
     """Return how many gaits of the search failed in simulation and why, and which baselines did."""
-    reasons = Counter(s for e in entries if not (s := e.evaluation.status).startswith(("ok", DROPPED)))
-    said = ", ".join(f"{reason} ({count})" for reason, count in reasons.most_common())
+    statuses = [entry.evaluation.status for entry in entries]
+    reasons = Counter(one for one in statuses if one != "ok" and not one.startswith(DROPPED))
+    said = _counted(reasons)
     searched = (f"{reasons.total()} of {len(entries)} gaits failed in simulation: {said}",) if said else ()
     return searched + tuple(
         f"{name} failed in simulation: {row.evaluation.status}"
         for name, row in zip(baselines, verified, strict=False)
         if row.evaluation.status != "ok"
     )
+
+
+def _counted(reasons: Counter[str], most: int | None = None) -> str:
+    return ", ".join(f"{reason} ({count})" for reason, count in reasons.most_common(most))
 
 
 def _best_elite(entries: Sequence[Entry], elites: Sequence[Elite]) -> Elite | None:
@@ -222,7 +227,7 @@ def _finalists(entries: list[Entry], starts: Sequence[tuple[Gait, float]]) -> li
     leaders = [entry for entry in ranked(at_rung(entries)) if entry.evaluation.status == "ok"][:_FINALISTS]
     if not leaders:
         reasons = Counter(entry.evaluation.status for entry in entries)
-        said = ", ".join(f"{reason} ({count})" for reason, count in reasons.most_common(5))
+        said = _counted(reasons, 5)
         raise GaitoptError(f"every one of {len(entries)} gaits failed in simulation: {said}")
     best_baseline = [min(starts, key=lambda start: start[1])[0]] if starts else []
     named = [(entry.gait, entry.method) for entry in leaders]

@@ -66,8 +66,9 @@ def main() -> None:
             ["long search", *options.runs], judged, first, strict=True
         )
     ]
-    write_text(kept, json.dumps({"costs": costs, "gaits": rows}, indent=1) + "\n")
-    print(kept.read_text())
+    content = json.dumps({"costs": costs, "gaits": rows}, indent=1)
+    write_text(kept, content + "\n")
+    print(content)
 
 
 def search(problem: Problem, evaluator: Evaluator, budget: int) -> tuple[Gait, dict[str, float]]:
