@@ -1,12 +1,13 @@
 """The diagnosis' record on blind cases: made, diagnosed and scored, case by case, resumable.
 
-    python tests/benchmarks/blind_record.py development --work /tmp/blind --seed 900
+    python tests/benchmarks/blind_record.py development --work /tmp/blind --out /tmp/blind --seed 900
     python tests/benchmarks/blind_record.py full --work /tmp/blind-full --out results/blind
     python tests/benchmarks/blind_record.py x-alone --work /tmp/blind-x --out results/blind
 
-Cases share the rollouts that every diagnosis begins with, so all but the first two cost less than a diagnosis
-by itself. What was simulated for a case is kept in the work folder: where only the conclusions have changed,
-removing WORK/diagnoses and running it again takes seconds a case; where the residuals have, WORK/memory too.
+OUT/PLAN.jsonl has one line for each case that is done, all that the record needs to go on elsewhere. Cases
+share the rollouts that every diagnosis begins with, so all but the first two cost less than a diagnosis by
+itself. What was simulated for a case is kept in the work folder: where only the conclusions have changed,
+removing OUT/PLAN.jsonl and running it again takes seconds a case; where the residuals have, WORK/memory too.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from gaitopt.diagnose.hypotheses import RECORD_DEFECTS
 from gaitopt.diagnose.memory import Memory
 from gaitopt.diagnose.outside import OUTSIDE
 from gaitopt.diagnose.predict import gait_key
-from gaitopt.diagnose.scoring import Case, read_cases, score, sentences
+from gaitopt.diagnose.scoring import Case, score, sentences
 from gaitopt.effects import EFFECTS
 from gaitopt.errors import GaitoptError
 from gaitopt.files import write_text
@@ -90,24 +91,35 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("plan", choices=PLANS)
     parser.add_argument("--work", type=Path, required=True)
-    parser.add_argument("--out", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--until", type=float, default=1e9, help="begin no case after so many seconds")
     parser.add_argument("--seed", type=int, help="another seed: to develop with")
     options = parser.parse_args()
-    plan = PLANS[options.plan]()
+    options.out.mkdir(parents=True, exist_ok=True)
+    plan, kept = PLANS[options.plan](), options.out / f"{options.plan}.jsonl"
+    seed = plan.seed if options.seed is None else options.seed
+    done = {row["case"]: row for row in read_kept(kept, seed)}
     began, problem = time.monotonic(), load_problem("arcfold")
     with open_executor("threads", None) as executor, shared_rollouts(longest(problem)):
         made = maker(problem, GAITS, SECONDS, plan.signals, executor)
         for index, (kind, only) in enumerate(plan.cases):
             if time.monotonic() - began > options.until:
                 break
-            seed = plan.seed if options.seed is None else options.seed
-            run_case(problem, made, options.work, index, kind, only, seed, executor)
-    cases = read_cases(options.work, options.work / "diagnoses")
-    record = score(cases) | {"unreachable": _unreachable(options.work)}
-    print("\n".join(sentences(record)))
-    if options.out:
-        write_record(options.out, options.plan, cases, record)
+            if (name := f"case-{index:03d}") not in done:
+                done[name] = run_case(problem, made, options.work, index, kind, only, seed, executor)
+                write_text(kept, "".join(f"{json.dumps(done[each])}\n" for each in sorted(done)))
+    write_record(options.out, options.plan, [done[each] for each in sorted(done)])
+
+
+def read_kept(path: Path, seed: int) -> list[dict[str, Any]]:
+    """Return the cases that are done, refusing those of another seed."""
+    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    others = {row["seed"] for row in rows} - {seed}
+    if others:
+        raise SystemExit(
+            f"{path}: cases of seed {others.pop()}, not {seed}: move them away or name another --out"
+        )
+    return rows
 
 
 def longest(problem: Problem) -> dict[str, float]:
@@ -125,44 +137,62 @@ def run_case(
     only: str | None,
     seed: int,
     executor: Executor,
-) -> None:
-    """Make and diagnose one case, each where that has not been done."""
+) -> dict[str, Any]:
+    """Make and diagnose one case; return what is kept of it."""
     name = f"case-{index:03d}"
-    result, hopeless = work / "diagnoses" / name / "diagnosis.json", work / "unreachable" / name
-    if result.exists() or hopeless.exists():
-        return
-    if not (work / "sealed" / f"{name}.json").exists():
-        try:
+    head = {"case": name, "seed": seed, "version": _version()}
+    sealed, times = work / "sealed" / f"{name}.json", work / "times" / f"{name}.json"
+    try:
+        if not sealed.exists():
             make_case(made, work, index, kind, seed, executor, only)
-        except GaitoptError as unreachable:
-            hopeless.parent.mkdir(parents=True, exist_ok=True)
-            write_text(hopeless, f"{only or kind}\n")
-            print(f"{name}: {unreachable}", flush=True)
-            return
+    except GaitoptError as unreachable:
+        print(f"{name}: {unreachable}", flush=True)
+        return head | {"unreachable": only or kind}
     simulator = Simulator.build(problem)
     dataset = load_dataset(work / name, problem, [s for s in simulator.signals if s])
     memory = Memory.of(work / "memory" / name, simulator, dataset, 1)
     begun, spent = time.monotonic(), time.process_time()
     content = diagnose(simulator, dataset, executor, 1, next_gait=False, memory=memory).to_dict()
-    times = work / "times" / f"{name}.json"
     if not times.exists():  # a diagnosis from memory would be too quick
         times.parent.mkdir(parents=True, exist_ok=True)
         took = {"wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - spent}
         write_text(times, json.dumps(took))
-    content |= json.loads(times.read_text()) | {"version": _version()}
-    result.parent.mkdir(parents=True, exist_ok=True)
-    write_text(result, to_json(content))
-    print(_line(content, json.loads((work / "sealed" / f"{name}.json").read_text()), name), flush=True)
+    truth = json.loads(sealed.read_text())
+    found = scored(truth, content) | json.loads(times.read_text())
+    row = json.loads(to_json(head | {"truth": truth, "diagnosis": found}))
+    print(_line(row), flush=True)
+    return dict(row)
 
 
-def _line(content: dict[str, Any], truth: dict[str, Any], name: str) -> str:
+SCORED = (
+    "verdict",
+    "causes",
+    "ambiguous_with",
+    "other_probability",
+    "p_value",
+    "unevenness",
+    "gap",
+    "defects",
+)
+
+
+def scored(truth: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]:
+    """Return what of a diagnosis says how right it was: of the effects, those planted, named or alike."""
+    planted = [row["name"] for row in truth["effects"]]
+    names = {*planted, *content["causes"], *content["ambiguous_with"]}
+    effects = [r for r in content["effects"] if r["name"] in names or r["alike"] >= ALIKE]
+    return {key: content[key] for key in SCORED} | {"effects": effects}
+
+
+def _line(row: dict[str, Any]) -> str:
+    truth, content = row["truth"], row["diagnosis"]
     planted = " + ".join(f"{e['name']}.{e['target']}" for e in truth["effects"]) or "nothing"
     named = " + ".join(content["causes"]) or "nothing"
     others = ", ".join(content["ambiguous_with"])
     also = f" (or {others})" if others else ""
     times = f"{content['wall_s']:.0f} s, {content['cpu_s']:.0f} s of a core"
     gap = truth["gap_over_floor"]
-    return f"{name}: {planted}, {gap:.1f} floors: {content['verdict']}: {named}{also}; {times}"
+    return f"{row['case']}: {planted}, {gap:.1f} floors: {content['verdict']}: {named}{also}; {times}"
 
 
 def _version() -> str:
@@ -172,16 +202,19 @@ def _version() -> str:
     return found.stdout.strip() or "unknown"
 
 
-def _unreachable(work: Path) -> list[str]:
-    return sorted({path.read_text().strip() for path in (work / "unreachable").glob("case-*")})
-
-
-def write_record(out: Path, plan: str, cases: list[Case], record: dict[str, Any]) -> None:
+def write_record(out: Path, plan: str, rows: list[dict[str, Any]]) -> None:
     """Write the record, each case's row, the confusion matrix and the calibration plot."""
-    out.mkdir(parents=True, exist_ok=True)
-    versions = sorted({str(c.diagnosis.get("version")) for c in cases})
-    more = {"versions": versions, "cost": _cost(cases), "alike": alike(cases)}
-    write_text(out / f"{plan}.json", to_json(record | more))
+    cases = [Case(row["case"], row["truth"], row["diagnosis"]) for row in rows if "truth" in row]
+    record = score(cases)
+    print("\n".join(sentences(record)))
+    more = {
+        "unreachable": sorted({row["unreachable"] for row in rows if "unreachable" in row}),
+        "versions": sorted({row["version"] for row in rows}),
+        "cost": _cost(cases),
+        "alike": alike(cases),
+    }
+    figures = {key: value for key, value in record.items() if key != "rows"}
+    write_text(out / f"{plan}.json", to_json(figures | more))
     lines = [
         "| case | planted | gap, floors | verdict | blamed | not to be told from it | other |",
         "|---|---|---|---|---|---|---|",
