@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import subprocess
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -25,6 +24,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from kept import read_kept, version, write_kept
 from shared_rollouts import shared_rollouts
 
 from gaitopt.diagnose.blind import Maker, kinds_of, make_case, maker
@@ -95,7 +95,6 @@ def main() -> None:
     parser.add_argument("--until", type=float, default=1e9, help="begin no case after so many seconds")
     parser.add_argument("--seed", type=int, help="another seed: to develop with")
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
     plan, kept = PLANS[options.plan](), options.out / f"{options.plan}.jsonl"
     seed = plan.seed if options.seed is None else options.seed
     done = {row["case"]: row for row in read_kept(kept, seed)}
@@ -107,19 +106,8 @@ def main() -> None:
                 break
             if (name := f"case-{index:03d}") not in done:
                 done[name] = run_case(problem, made, options.work, index, kind, only, seed, executor)
-                write_text(kept, "".join(f"{json.dumps(done[each])}\n" for each in sorted(done)))
+                write_kept(kept, [done[each] for each in sorted(done)])
     write_record(options.out, options.plan, [done[each] for each in sorted(done)])
-
-
-def read_kept(path: Path, seed: int) -> list[dict[str, Any]]:
-    """Return the cases that are done, refusing those of another seed."""
-    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    others = {row["seed"] for row in rows} - {seed}
-    if others:
-        raise SystemExit(
-            f"{path}: cases of seed {others.pop()}, not {seed}: move them away or name another --out"
-        )
-    return rows
 
 
 def longest(problem: Problem) -> dict[str, float]:
@@ -140,7 +128,7 @@ def run_case(
 ) -> dict[str, Any]:
     """Make and diagnose one case; return what is kept of it."""
     name = f"case-{index:03d}"
-    head = {"case": name, "seed": seed, "version": _version()}
+    head = {"case": name, "seed": seed, "version": version()}
     sealed, times = work / "sealed" / f"{name}.json", work / "times" / f"{name}.json"
     try:
         if not sealed.exists():
@@ -159,9 +147,9 @@ def run_case(
         write_text(times, json.dumps(took))
     truth = json.loads(sealed.read_text())
     found = scored(truth, content) | json.loads(times.read_text())
-    row = json.loads(to_json(head | {"truth": truth, "diagnosis": found}))
+    row = head | {"truth": truth, "diagnosis": found}
     print(_line(row), flush=True)
-    return dict(row)
+    return row
 
 
 SCORED = (
@@ -193,13 +181,6 @@ def _line(row: dict[str, Any]) -> str:
     times = f"{content['wall_s']:.0f} s, {content['cpu_s']:.0f} s of a core"
     gap = truth["gap_over_floor"]
     return f"{row['case']}: {planted}, {gap:.1f} floors: {content['verdict']}: {named}{also}; {times}"
-
-
-def _version() -> str:
-    """Return the code's commit, marked where the work tree differs from it."""
-    command = ["git", "describe", "--always", "--dirty", "--abbrev=12"]
-    found = subprocess.run(command, capture_output=True, text=True, check=False)
-    return found.stdout.strip() or "unknown"
 
 
 def write_record(out: Path, plan: str, rows: list[dict[str, Any]]) -> None:

@@ -4,21 +4,21 @@
 
 Blind cases of one effect are filmed on one slow gait, with the marker's x alone, until enough of them are
 ambiguous. Each of those is then filmed on the gait that its diagnosis proposed, and on random ones: the same
-robot with the same numerics, and the first recording to the last bit as it was. Resumable, case by case.
+robot with the same numerics, and the first recording to the last bit as it was. OUT/next-experiment.jsonl has
+one line for each case that is done, all that the study needs to go on elsewhere.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from itertools import count
 from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from kept import read_kept, version, write_kept
 from shared_rollouts import shared_rollouts
 
 from gaitopt.diagnose.blind import Draw, Maker, draw_case, filmed_s, maker, shoot, write_recordings
@@ -80,7 +80,8 @@ class Study:
         draw, _ = draw_case(self.made, "single", rng, self.executor)
         truth = draw.planted[0][0].effect.name
         before = self.diagnosed(self.film(draw, index, work / f"{index:03d}"), True)
-        row: dict[str, Any] = {"case": index, "planted": truth, "before": _answer(before, truth)}
+        row: dict[str, Any] = {"case": index, "seed": self.seed, "version": version(), "planted": truth}
+        row["before"] = _answer(before, truth)
         if before.verdict != "ambiguous" or before.experiment is None:
             return row
         space = self.made.problem.space
@@ -109,29 +110,25 @@ def _answer(found: Diagnosis, truth: str) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--work", type=Path, required=True)
-    parser.add_argument("--out", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seed", type=int, default=803)
     parser.add_argument("--ambiguous", type=int, default=16, help="cases wanted")
     options = parser.parse_args()
     problem = load_problem("arcfold")
-    rows: list[dict[str, Any]] = []
+    kept = options.out / "next-experiment.jsonl"
+    rows = read_kept(kept, options.seed)
     first = problem.baselines[FIRST]
     longest = {gait_key(first): filmed_s(first, SECONDS)}
     with open_executor("threads", None) as executor, shared_rollouts(longest):
         made = maker(problem, [FIRST], SECONDS, SIGNALS, executor)
         study = Study(made, options.seed, executor)
-        for index in count():
-            if sum("proposed" in row for row in rows) >= options.ambiguous:
-                break
-            kept = options.work / f"{index:03d}.json"
-            if not kept.exists():
-                write_text(kept, to_json(study.case(index, options.work)))
-                print(_line(json.loads(kept.read_text())), flush=True)
-            rows.append(json.loads(kept.read_text()))
+        while sum("proposed" in row for row in rows) < options.ambiguous:
+            rows.append(study.case(len(rows), options.work))
+            print(_line(rows[-1]), flush=True)
+            write_kept(kept, rows)
     record = summary(rows)
     print("\n".join(sentences(record)))
-    if options.out:
-        write(options.out, record)
+    write(options.out, record, [row for row in rows if "proposed" in row])
 
 
 def _line(row: dict[str, Any]) -> str:
@@ -160,7 +157,6 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "truth_in_before": _rate([row["before"] for row in used]),
         "truth_in_proposed": _rate([row["proposed"] for row in used]),
         "truth_in_random": _rate([r for row in used for r in row["random"]]),
-        "rows": rows,
     }
 
 
@@ -193,15 +189,13 @@ def sentences(record: dict[str, Any]) -> list[str]:
     ]
 
 
-def write(out: Path, record: dict[str, Any]) -> None:
+def write(out: Path, record: dict[str, Any], used: list[dict[str, Any]]) -> None:
     """Write the record, its table and its plot."""
-    out.mkdir(parents=True, exist_ok=True)
     write_text(out / "next-experiment.json", to_json(record))
     lines = [
         "| case | planted | named before | after the proposed gait | after random gaits |",
         "|---|---|---|---|---|",
     ]
-    used = [row for row in record["rows"] if "proposed" in row]
     for row in used:
         cells = [_cell(row["before"]), _cell(row["proposed"]), "; ".join(map(_cell, row["random"]))]
         lines.append(f"| {row['case']} | {row['planted']} | {' | '.join(cells)} |")

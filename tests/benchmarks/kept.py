@@ -1,0 +1,36 @@
+"""Cases of a long study kept line by line, so that it goes on where it ended, on any machine."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from gaitopt.files import write_text
+from gaitopt.results import to_json
+
+
+def read_kept(path: Path, seed: int) -> list[dict[str, Any]]:
+    """Return the cases that are done, refusing those of another seed."""
+    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    others = {row["seed"] for row in rows} - {seed}
+    if others:
+        raise SystemExit(
+            f"{path}: cases of seed {others.pop()}, not {seed}: move them away or name another --out"
+        )
+    return rows
+
+
+def write_kept(path: Path, rows: Iterable[dict[str, Any]]) -> None:
+    """Write the cases that are done, one a line."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, "".join(f"{json.dumps(json.loads(to_json(row)))}\n" for row in rows))
+
+
+def version() -> str:
+    """Return the code's commit, marked where the work tree differs from it."""
+    command = ["git", "describe", "--always", "--dirty", "--abbrev=12"]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    return found.stdout.strip() or "unknown"
