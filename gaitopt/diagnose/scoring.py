@@ -127,7 +127,8 @@ def rate(cases: Sequence[Case], hit: Callable[[Case], bool]) -> dict[str, Any]:
     share, spread = hits / count, _Z**2 / count
     centre = (share + 0.5 * spread) / (1.0 + spread)
     half = _Z * math.sqrt(share * (1.0 - share) / count + 0.25 * spread / count) / (1.0 + spread)
-    return {"value": share, "ci90": [max(0.0, centre - half), min(1.0, centre + half)], "cases": count}
+    low, high = max(0.0, min(share, centre - half)), min(1.0, max(share, centre + half))  # but for rounding
+    return {"value": share, "ci90": [low, high], "cases": count}
 
 
 def mean(values: Sequence[float]) -> dict[str, Any]:
