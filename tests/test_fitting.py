@@ -110,11 +110,10 @@ def test_hypotheses_stay_inside_their_bounds(simulator, arcfold):
 def test_a_fit_goes_no_farther_than_robots_can_be_simulated():
     """Where the outermost one fails, what lies before it is refined, and what lies beyond is left alone."""
     measured, slope = np.full(8, 0.7), np.ones(8)
-    fit = toy_fit(toy_bench(8, 2), measured, lambda a: a * slope, (0.0, 0.5))
-    assert fit.reach == (0.0, 1.0)
+    fit = toy_fit(toy_bench(8, 2), measured, lambda a: a * slope, (0.0, 0.5, 1.0))
     assert fit.best() == pytest.approx(0.7, abs=0.02)
+    fit = toy_fit(toy_bench(8, 2), measured, lambda a: a * slope, (0.0, 0.5))
     fit.add(1.0, None)
-    assert fit.reach == (0.0, 0.5)
     assert fit.best() == 0.5
     at = fit.wanted()
     assert at is not None

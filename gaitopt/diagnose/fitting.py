@@ -3,7 +3,8 @@
 Simulated parameter sets are kept, and between two of them the whitened residual is taken to change
 evenly. So the loss of every cycle is known along the whole range of a parameter, and leaving a gait out,
 resampling cycles and profiling cost no simulation. The next set is simulated where that loss is least, for
-the hypotheses that still have a chance; the curve is then true where it matters.
+the hypotheses that still have a chance; the curve is then true where it matters. Nothing is foretold beyond
+the outermost sets: they lie at the bounds, or are the last that could be simulated.
 """
 
 from __future__ import annotations
@@ -33,9 +34,6 @@ Array = NDArray[np.float64]
 _PER_INTERVAL = 24
 """Points of the curve between two simulated ones."""
 
-_REACH = 1.0
-"""How far beyond the outermost simulated points the curve goes on, in distances to their neighbours."""
-
 ROUNDS = (22, 16, 12, 8, 6, 5, 4, 4, 3, 3)
 """How many hypotheses are fitted further, round by round."""
 
@@ -55,9 +53,6 @@ _LEADING = 1.5
 """Fits that leave at most so many times the least loss are finished to `_CLOSE`, in so many rounds:"""
 
 _FINISH = 4
-
-_STRIDE = 0.12
-"""Share of the range by which the search goes on beyond its outermost point, until the loss rises."""
 
 Note = Callable[[str, int, int], None]
 """Called with what is being done, how many robots have been simulated, and how many may be at most."""
@@ -348,13 +343,6 @@ class Fit:
         return self.hypothesis.effect.observe is not None
 
     @property
-    def reach(self) -> tuple[float, float]:
-        """The searched range: up to the outermost simulated robot where one beyond it failed."""
-        first, last = float(self.points[0].at[0]), float(self.points[-1].at[0])
-        low = first if min(self.failed, default=first) < first else self.hypothesis.low
-        return low, last if max(self.failed, default=last) > last else self.hypothesis.high
-
-    @property
     def curve(self) -> Curve:
         """The loss along the range."""
         if self._curve is None:
@@ -419,9 +407,6 @@ class Fit:
         width = self.hypothesis.high - self.hypothesis.low
         best = self.best()
         index = int(np.abs(known - best).argmin())
-        beyond = self._beyond(known, index)
-        if beyond is not None:
-            return beyond
         if abs(float(known[index]) - best) > _TOLERANCE * width:
             return best
         # The least loss is at a simulated point: look to the side where the loss rises less.
@@ -443,17 +428,6 @@ class Fit:
         known = best in self.failed or apart <= 1e-6 * width
         return best if nearest > _CLOSE and not known else None
 
-    def _beyond(self, known: Array, index: int) -> float | None:
-        """Return where to look beyond the outermost simulated point if the least loss is about there."""
-        low, high = self.reach
-        step = _STRIDE * (high - low)
-        nearest = float(known[index])
-        if index == 0 and nearest - low > 0.25 * step:
-            return max(low, min(self.best(), nearest - step))
-        if index == len(known) - 1 and high - nearest > 0.25 * step:
-            return min(high, max(self.best(), nearest + step))
-        return None
-
     def _total(self, at: float) -> float:
         curve = self.curve
         return float(np.interp(at, curve.at, curve.losses.sum(axis=0)))
@@ -465,18 +439,13 @@ def _curve(fit: Fit) -> Curve:
         alone = bench.losses(points[0].whitened, points[0].whitened)
         return Curve(points[0].at[:1], alone[:, None], np.zeros(1, dtype=np.intp), np.zeros(1))
     at, losses, lefts, shares = [], [], [], []
-    lowest, highest = fit.reach
     last = len(points) - 2
     for left in range(last + 1):
         low, high = points[left], points[left + 1]
         share = np.arange(_PER_INTERVAL) / _PER_INTERVAL
         gap = float(high.at[0] - low.at[0])
-        if left == 0:
-            room = min(_REACH, (float(low.at[0]) - lowest) / gap)
-            share = np.concatenate([_beyond(-room), share])
         if left == last:
-            room = min(_REACH, (highest - float(high.at[0])) / gap)
-            share = np.concatenate([share, [1.0], 1.0 - _beyond(-room)[::-1]])
+            share = np.append(share, 1.0)
         own, mixed, other = (
             bench.losses(a.whitened, b.whitened)[:, None] for a, b in ((low, low), (low, high), (high, high))
         )
@@ -487,13 +456,6 @@ def _curve(fit: Fit) -> Curve:
     return Curve(
         np.concatenate(at), np.concatenate(losses, axis=1), np.concatenate(lefts), np.concatenate(shares)
     )
-
-
-def _beyond(room: float) -> Array:
-    """Return negative shares from `room` to just below 0; none where there is no room."""
-    if room > -1e-6:
-        return np.empty(0)
-    return np.linspace(room, 0.0, _PER_INTERVAL, endpoint=False)
 
 
 def fit_all(
