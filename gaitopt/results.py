@@ -314,9 +314,9 @@ def _ratio(speed: float, baseline: float) -> float | None:
     return speed / baseline if baseline > 0.0 else None
 
 
-def to_json(value: object) -> str:
-    """Return strict JSON; numbers that JSON does not know (inf, NaN) become null."""
-    return json.dumps(_finite(value), indent=1, allow_nan=False) + "\n"
+def to_json(value: object, indent: int | None = 1) -> str:
+    """Return strict JSON, one line without `indent`; numbers that it does not know (inf, NaN) become null."""
+    return json.dumps(_finite(value), indent=indent, allow_nan=False) + "\n"
 
 
 def _finite(value: object) -> object:

@@ -12,10 +12,10 @@ from gaitopt.files import write_text
 from gaitopt.results import to_json
 
 
-def read_kept(path: Path, seed: int) -> list[dict[str, Any]]:
-    """Return the cases that are done, refusing those of another seed."""
+def read_kept(path: Path, seed: int | None = None) -> list[dict[str, Any]]:
+    """Return the cases that are done, refusing those of another seed where a study has but one."""
     rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    others = {row["seed"] for row in rows} - {seed}
+    others = set() if seed is None else {row["seed"] for row in rows} - {seed}
     if others:
         raise SystemExit(
             f"{path}: cases of seed {others.pop()}, not {seed}: move them away or name another --out"
@@ -26,7 +26,7 @@ def read_kept(path: Path, seed: int) -> list[dict[str, Any]]:
 def write_kept(path: Path, rows: Iterable[dict[str, Any]]) -> None:
     """Write the cases that are done, one a line."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, "".join(f"{json.dumps(json.loads(to_json(row)))}\n" for row in rows))
+    write_text(path, "".join(to_json(row, None) for row in rows))
 
 
 def version() -> str:

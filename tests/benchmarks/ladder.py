@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 import searches
+from kept import read_kept
 from numpy.typing import NDArray
 from rivals import ROBOTS
 from scipy.stats import spearmanr
@@ -191,7 +192,7 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     path = options.out / "ladder.jsonl"
-    done = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    done = read_kept(path)
     if options.what == "table":
         content = json.dumps(table(done), indent=1, default=float)
         (options.out / "ladder.json").write_text(content + "\n")

@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kept import read_kept
 from numpy.typing import NDArray
 from scipy import optimize
 from scipy.stats import qmc
@@ -367,7 +368,7 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     path = options.out / "runs.jsonl"
-    done = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    done = read_kept(path)
     have = {(r["case"], r["method"], r["seed"]) for r in done}
     marks = {case: mark(case) for case in options.cases}
     for seed in range(options.seeds):
