@@ -129,3 +129,10 @@ def test_the_score_counts_what_it_says():
 
 def test_a_rate_of_nothing_is_nothing():
     assert rate([], lambda c: True) == {"value": None, "ci90": [None, None], "cases": 0}
+
+
+def test_the_interval_of_a_rate_reaches_a_rate_of_0_or_1():
+    for count in range(1, 100):
+        same = [case("none", [], "no_gap", [])] * count
+        assert rate(same, lambda c: True)["ci90"][1] == 1.0
+        assert rate(same, lambda c: False)["ci90"][0] == 0.0

@@ -127,7 +127,8 @@ def rate(cases: Sequence[Case], hit: Callable[[Case], bool]) -> dict[str, Any]:
     share, spread = hits / count, _Z**2 / count
     centre = (share + 0.5 * spread) / (1.0 + spread)
     half = _Z * math.sqrt(share * (1.0 - share) / count + 0.25 * spread / count) / (1.0 + spread)
-    low, high = max(0.0, min(share, centre - half)), min(1.0, max(share, centre + half))  # but for rounding
+    # An end that is a share of 0 or 1 may miss it by rounding, which plots of the ends do not take.
+    low, high = max(0.0, min(share, centre - half)), min(1.0, max(share, centre + half))
     return {"value": share, "ci90": [low, high], "cases": count}
 
 
