@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from gaitopt.errors import GaitoptError
+from gaitopt.interrupts import interrupts_between_imports
 
 if TYPE_CHECKING:
     from gaitopt.gait import Gait
@@ -29,13 +30,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a letter that a terminal lacks is no reason to stop
             stream.reconfigure(errors="backslashreplace")
-    parser = build_parser()
     try:
-        options = parser.parse_args(_canonical(sys.argv[1:] if arguments is None else list(arguments)))
+        with interrupts_between_imports():
+            words = sys.argv[1:] if arguments is None else list(arguments)
+            options = build_parser().parse_args(_canonical(words))
+            options.run(options)
     except SystemExit as stop:
         return int(stop.code or 0)
-    try:
-        options.run(options)
     except GaitoptError as problem:
         print(f"gaitopt: {problem}", file=sys.stderr)
         return STATED_PROBLEM

@@ -1,12 +1,63 @@
-"""Ctrl-C, held back where it would spoil a result instead of ending the program."""
+"""Ctrl-C, held back where it would be lost or spoil a result instead of ending the program."""
 
 from __future__ import annotations
 
+import _thread
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+_RETRY_S = 0.01
+"""How long after a Ctrl-C within an import it is tried again."""
+
+
+@contextmanager
+def interrupts_between_imports() -> Iterator[None]:
+    """Let Ctrl-C take effect as soon as no module is being imported.
+
+    Within an import it can turn into an ImportError ("initialization failed") or be lost altogether.
+    A program that ignores Ctrl-C, or handles it otherwise, goes on doing so.
+    """
+    ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not ours or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    retry: threading.Timer | None = None
+
+    def act(number: int, frame: FrameType | None) -> None:
+        nonlocal retry
+        if not _importing(frame):
+            retry = None
+            raise KeyboardInterrupt
+        retry = threading.Timer(_RETRY_S, _interrupt_main)
+        retry.daemon = True
+        retry.start()
+
+    signal.signal(signal.SIGINT, act)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        if retry is not None:
+            retry.cancel()
+    if retry is not None:
+        raise KeyboardInterrupt
+
+
+def _interrupt_main() -> None:
+    main = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main is not None:
+        signal.pthread_kill(main, signal.SIGINT)  # which wakes it where it sleeps or waits, too
+    else:
+        _thread.interrupt_main()
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None and frame.f_code.co_filename != "<frozen importlib._bootstrap>":
+        frame = frame.f_back
+    return frame is not None
 
 
 @contextmanager

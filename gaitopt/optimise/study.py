@@ -11,6 +11,7 @@ from scipy.stats import qmc
 
 from gaitopt.errors import GaitoptError, nearest
 from gaitopt.gait import Gait
+from gaitopt.interrupts import interrupts_held
 from gaitopt.objective import Evaluation
 from gaitopt.optimise import cma_es, ladder, nelder_mead, pareto, surrogate
 from gaitopt.optimise.evaluator import Evaluator, Outcome
@@ -270,6 +271,7 @@ class Study:
 
 def quasi_random(space: GaitSpace, count: int, seed: int) -> NDArray[np.float64]:
     """Return scrambled Sobol points of the unit box, shape (count, d)."""
-    sampler = qmc.Sobol(len(space.variables), rng=np.random.default_rng([seed, len(METHODS)]))
+    with interrupts_held():  # which reading its table would lose
+        sampler = qmc.Sobol(len(space.variables), rng=np.random.default_rng([seed, len(METHODS)]))
     points: NDArray[np.float64] = sampler.random_base2(max(0, (count - 1).bit_length()))
     return points[:count]
