@@ -78,10 +78,9 @@ def _full() -> Plan:
 
 
 def _x_alone() -> Plan:
-    counts = {"single": 24, "none": 8, "outside": 4, "pair": 4}
-    return Plan(
-        822, ("marker.x",), tuple((kind, None) for kind, count in counts.items() for _ in range(count))
-    )
+    """Forty cases of all kinds, then as many more as narrow the intervals of what x alone is asked for."""
+    counts = [("single", 24), ("none", 8), ("outside", 4), ("pair", 4), ("none", 52), ("single", 16)]
+    return Plan(822, ("marker.x",), tuple((kind, None) for kind, count in counts for _ in range(count)))
 
 
 PLANS: dict[str, Callable[[], Plan]] = {"development": _development, "full": _full, "x-alone": _x_alone}
@@ -291,7 +290,8 @@ def _calibration(path: Path, record: dict[str, Any]) -> None:
     ends = np.array([r["ci90"] for r in rows]).reshape(-1, 2)
     axes.errorbar(said, right, [right - ends[:, 0], ends[:, 1] - right], fmt="o", color="#0072B2", capsize=3)
     for row in rows:
-        axes.annotate(f"{row['cases']}", (row["said"], row["value"]), (6, -10), textcoords="offset points")
+        below = (row["said"], row["ci90"][0])
+        axes.annotate(f"{row['cases']}", below, (0, -13), textcoords="offset points", ha="center")
     axes.set_xlabel("probability said of the first cause")
     axes.set_ylabel("how often it was right")
     axes.set_xlim(0.0, 1.05)

@@ -29,8 +29,18 @@ def write_kept(path: Path, rows: Iterable[dict[str, Any]]) -> None:
     write_text(path, "".join(to_json(row, None) for row in rows))
 
 
+CODE = ("gaitopt", "problems", "tests", "pyproject.toml")
+"""What a result depends on; what is recorded meanwhile is not of it."""
+
+
 def version() -> str:
-    """Return the code's commit, marked where the work tree differs from it."""
-    command = ["git", "describe", "--always", "--dirty", "--abbrev=12"]
-    found = subprocess.run(command, capture_output=True, text=True, check=False)
-    return found.stdout.strip() or "unknown"
+    """Return the code's commit, marked where the work tree's code differs from it."""
+    commit = _git("describe", "--always", "--abbrev=12")
+    return f"{commit}-dirty" if commit and _git("status", "--porcelain", "--", *CODE) else commit or "unknown"
+
+
+def _git(*words: str) -> str:
+    root = Path(__file__).parents[2]
+    return subprocess.run(
+        ["git", *words], capture_output=True, text=True, check=False, cwd=root
+    ).stdout.strip()
