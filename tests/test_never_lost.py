@@ -125,10 +125,10 @@ def test_ctrl_c_ends_worker_processes_in_silence(tmp_path: Path) -> None:
 
 def test_ctrl_c_at_any_moment_is_one_clean_end(tmp_path: Path) -> None:
     """From the first import of a command on; what cannot be interrupted at once is interrupted soon."""
+    begun = [sys.executable, "-c", GAITOPT[-1].replace("; ", "; print(flush=True); ")]
     rng = np.random.default_rng(7)
     for index, delay in enumerate(rng.uniform(0.0, 2.2, 3)):
         folder = tmp_path / f"run-{index}"
-        begun = [sys.executable, "-c", GAITOPT[-1].replace("; ", "; print(flush=True); ")]
         process = start("optimise", STRIDER, *BUDGET, "--out", folder, "--quiet", program=begun)
         assert process.stdout is not None
         process.stdout.readline()
@@ -145,11 +145,13 @@ def test_ctrl_c_waits_for_the_end_of_an_import(tmp_path: Path, monkeypatch: pyte
         "import signal, time\nsignal.raise_signal(signal.SIGINT)\ntime.sleep(0.05)\nstarted = True\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
+    until = time.monotonic() + PATIENCE_S
     with pytest.raises(KeyboardInterrupt), interrupts_between_imports():  # noqa: PT012
         import slow_to_start  # type: ignore[import-not-found]
 
         time.sleep(PATIENCE_S)
     assert slow_to_start.started
+    assert time.monotonic() < until, "the sleep was not interrupted"
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 

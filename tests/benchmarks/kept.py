@@ -15,8 +15,8 @@ from gaitopt.results import to_json
 def read_kept(path: Path, seed: int | None = None) -> list[dict[str, Any]]:
     """Return the cases that are done, refusing those of another seed where a study has but one."""
     rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    others = set() if seed is None else {row["seed"] for row in rows} - {seed}
-    if others:
+    others = {row["seed"] for row in rows} - {seed}
+    if seed is not None and others:
         raise SystemExit(
             f"{path}: cases of seed {others.pop()}, not {seed}: move them away or name another --out"
         )
@@ -35,8 +35,8 @@ CODE = ("gaitopt", "problems", "tests", "pyproject.toml")
 
 def version() -> str:
     """Return the code's commit, marked where the work tree's code differs from it."""
-    commit = _git("describe", "--always", "--abbrev=12")
-    return f"{commit}-dirty" if commit and _git("status", "--porcelain", "--", *CODE) else commit or "unknown"
+    commit = _git("describe", "--always", "--abbrev=12") or "unknown"
+    return f"{commit}-dirty" if _git("status", "--porcelain", "--", *CODE) else commit
 
 
 def _git(*words: str) -> str:
