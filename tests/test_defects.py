@@ -226,3 +226,15 @@ def test_a_few_steps_at_even_times_are_no_evidence_of_a_rounded_clock(begin, fou
     drawn = np.interp(trial.time, shown + 1e-6 * np.arange(len(true)), steps(true))
     cleaned = clean(Trial.of("walk", GAIT, trial.time, {"marker.x": drawn}), GAIT.period_s)
     assert [defect.name for defect in cleaned.defects] == found
+
+
+def test_noise_between_the_steps_of_a_slow_gait_is_no_stepped_curve():
+    """A third of a millimetre of noise goes as far in half a second as a robot creeps in it."""
+    slow = replace(GAIT, period_s=4.0)
+    time = np.arange(0.0, 10.0, 0.04)
+    strides = 0.034 * np.clip((time[:, None] - [0.85, 4.85, 8.85]) / 0.3, 0.0, 1.0).sum(axis=1)
+    slips = 0.0025 * np.clip((time[:, None] - [6.0, 7.0, 8.0]) / 0.1 + 0.5, 0.0, 1.0).sum(axis=1)
+    for seed in (7, 52, 253, 254, 351):  # by chance, noise is where the half seconds are
+        noise = 3.5e-4 * np.random.default_rng(seed).standard_normal(len(time))
+        trial = Trial.of("walk", slow, time, {"marker.x": strides - slips + noise})
+        assert not clean(trial, slow.period_s).defects

@@ -9,7 +9,16 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from gaitopt.diagnose.dataset import Flags, Series, Trial
-from gaitopt.diagnose.defects import Defect, Found, bridged, counted, cycle_range, errors_of, markers
+from gaitopt.diagnose.defects import (
+    Defect,
+    Found,
+    bridged,
+    counted,
+    cycle_range,
+    errors_of,
+    markers,
+    noise_of,
+)
 
 GRIDS_S = (1.0, 0.5, 0.25, 0.2, 0.1, 0.05, 0.04, 0.025, 0.02, 0.01, 0.005)
 """Grids that clocks are rounded to, coarsest first, s."""
@@ -28,6 +37,10 @@ grid too, and three cells of a smooth walk may look like this."""
 
 _MOVING = 0.05
 """A cell moves if it moves by this share of what a cycle goes through."""
+
+_NOISE_PATH = 1.0
+"""But one that moves by no more than this, in standard deviations of noise a sample, may stand still: the
+way back and forth of noise alone is half of it."""
 
 
 def rounded_clock(trial: Trial) -> Found:
@@ -131,8 +144,10 @@ def _stepped_from(trial: Trial, name: str, grid: float) -> float | None:
     moving = np.flatnonzero(whole > _MOVING * cycle_range(trial, name))
     smooth = np.flatnonzero(at_line[moving] <= _CELL_STEPPED * whole[moving])
     tail = moving[smooth[-1] + 1 :] if len(smooth) else moving
-    in_a_row = int((np.diff(tail) == 1).sum()) + 1
-    few = len(tail) < _CELLS or in_a_row < _IN_A_ROW
+    steps = np.bincount(line - first, minlength=count)
+    sure = tail[whole[tail] > _NOISE_PATH * noise_of(series) * steps[tail]]
+    in_a_row = int((np.diff(sure) == 1).sum()) + 1
+    few = len(sure) < _CELLS or in_a_row < _IN_A_ROW
     if few or at_line[tail].sum() < _STEPPED * whole[tail].sum():
         return None
     return float((tail[0] + first - 0.5) * grid)
