@@ -15,7 +15,7 @@ from gaitopt.diagnose.align import Aligned, align, is_marker
 from gaitopt.diagnose.diagnosis import Diagnosis, TrialGap
 from gaitopt.diagnose.predict import predict
 from gaitopt.diagnose.where import COMPONENTS
-from gaitopt.diagnose.words import answer, explanation
+from gaitopt.diagnose.words import answer, explanation, what_it_tells
 from gaitopt.errors import GaitoptError
 from gaitopt.files import write_text
 from gaitopt.page import Page, Picture, Section, Table, folded, image_section, save_figures
@@ -238,9 +238,8 @@ def _next_sections(folder: Path, diagnosis: Diagnosis) -> list[Section]:
     picture = Picture(
         "What to measure next",
         gait_plots.commanded(experiment.gait),
-        f"One cycle of the gait on which {', '.join(experiment.separates)} differ most: by "
-        f"{experiment.separation:.1f} floors (on the gaits measured so far: {experiment.before:.1f}). Film "
-        "it, add the trial to the data set, and diagnose again.",
+        f"One cycle of the gait that leaves the least doubt. {what_it_tells(experiment)} Film it, add the "
+        "trial to the data set, and diagnose again.",
     )
     commands = [f"gaitopt export {folder} {folder}/next.toml --format micropython --out player"]
     return [

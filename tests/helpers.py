@@ -79,6 +79,7 @@ def brief_studies() -> list[tuple[ModuleType, str, object]]:
         *((module, "PlanSettings", brief) for module in (plan, search, correction)),
         (search, "_SAMPLE", 4),
         *((experiment, name, few) for name, few in (("SECONDS", 1.0), ("_RANDOM", 1), ("_REFINED", 1))),
+        (experiment, "_FINALISTS", 1),
         (correction, "_STARTS", (2, 1, 1)),
         (check, "_STARTS", 2),
         (page, "_DPI", 40),

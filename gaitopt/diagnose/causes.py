@@ -105,16 +105,6 @@ class Causes:
         """The most probable rival."""
         return self.rivals[0] if self.rivals else None
 
-    @property
-    def surviving(self) -> list[Rival]:
-        """The most probable rival of each effect in the answer, and the runner-up where that is one alone."""
-        firsts: dict[tuple[str, ...], Rival] = {}
-        for rival in self.rivals:
-            firsts.setdefault(tuple(rival.names), rival)
-        named = [r for names, r in firsts.items() if set(names) & {*self.causes, *self.ambiguous_with}]
-        others = [r for r in firsts.values() if r not in named]
-        return (named + others)[: max(2, len(named))][:5]
-
     @cached_property
     def effects(self) -> list[dict[str, Any]]:
         """Rows of ``effects``: one for each effect, with its most probable target."""

@@ -256,9 +256,7 @@ def diagnose(
     note("looking for the next gait", found.robots, 0)
     gaits = {trial.aligned.trial.gait.name: trial.aligned.trial.gait for trial in located.trials}
     signals = list(dict.fromkeys(name for trial in located.trials for name in trial.floors))
-    experiment = propose(
-        simulator.problem, simulator, found.surviving, list(gaits.values()), signals, executor, seed
-    )
+    experiment = propose(simulator, found, list(gaits.values()), signals, executor, seed)
     return replace(located, found=found, experiment=experiment)
 
 

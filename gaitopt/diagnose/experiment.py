@@ -1,35 +1,56 @@
-"""What to measure next: the gait on which the surviving rivals differ most, in floors (T-optimality)."""
+"""What to measure next: the gait that would leave the least of the probability on wrong rivals.
+
+T-optimality (Atkinson and Fedorov, 1975) asks for the gait on which two rivals differ most. Of several, the
+two most alike may be alike on every gait, and a gait chosen for these tells nothing of the others. So each
+rival in turn is taken as the truth, as often as it is probable, and what counts is how probable the others
+would still be after a recording of it: a pair that no gait parts weighs the same on all of them.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gaitopt.diagnose.align import square_apart
-from gaitopt.diagnose.evidence import Rival
+from gaitopt.diagnose.align import is_marker, square_apart
+from gaitopt.diagnose.causes import Causes
+from gaitopt.diagnose.evidence import Rival, probabilities
 from gaitopt.diagnose.nuisances import nuisance_robots
 from gaitopt.diagnose.predict import gait_key
 from gaitopt.gait import Gait
-from gaitopt.problem import Problem
 from gaitopt.rollout import Simulator
 from gaitopt.trajectory import Trajectory
 
-SECONDS = 6.0
+Array = NDArray[np.float64]
+
+SECONDS = 8.0
 """Length of the proposed recording; at least two cycles."""
 
-_RANDOM = 8
-_REFINED = 4
+_RANDOM = 14
+_REFINED = 5
 _STEPS = (0.12, 0.08)
-"""Sizes of the steps from the best gait so far, measured or not, in units of the box."""
+"""Sizes of the steps from the best gait so far, in units of the box."""
+
+_RIVALS = 8
+_LEAST_CHANCE = 0.01
+"""Rivals that count, on all their targets: so many, as probable as this relative to the first."""
 
 _NOISE_M = 1e-3
 _ANGLE_NOISE_RAD = 3e-3
-_NUISANCES = 2
+
+_CAUTION = 2.0
+"""The variance of so few robots, and of a rival that is not quite right, is taken to be so much larger."""
+
+_DRAWS = 3
+_FINALISTS, _FINAL_DRAWS = 3, 6
+"""Of many gaits judged by few robots the best is partly lucky: the first few are judged by others again."""
+
+_STREAM = 34
 
 
 @dataclass(frozen=True)
@@ -39,14 +60,16 @@ class Experiment:
     Attributes:
         gait: the gait.
         separates: the rivals' effects.
-        separation: RMS difference of the two most alike of them, in floors.
-        before: the same of the best gait measured so far.
+        separation: RMS difference of the most probable of them from the others, in floors.
+        before: the same on the best gait measured so far.
+        inseparable: those that differ by less than a floor on every gait that was tried, two by two.
     """
 
     gait: Gait
     separates: list[str]
     separation: float
     before: float
+    inseparable: list[list[str]]
 
     def to_dict(self) -> dict[str, Any]:
         """Return ``next_experiment`` of a diagnosis."""
@@ -55,90 +78,175 @@ class Experiment:
             "separates": self.separates,
             "expected_separation": self.separation,
             "separation_so_far": self.before,
+            "inseparable": self.inseparable,
         }
 
 
 def propose(
-    problem: Problem,
     simulator: Simulator,
-    rivals: Sequence[Rival],
+    found: Causes,
     measured: Sequence[Gait],
     signals: Sequence[str],
     executor: Executor,
     seed: int,
 ) -> Experiment | None:
-    """Return the gait, none of those measured, on which the rivals differ most; None for less than two.
+    """Return the gait, none of those measured, that tells most; None where nothing is to be told apart.
 
     Args:
-        problem: the nominal problem, whose gait space is searched.
-        simulator: its robot.
-        rivals: fitted rivals.
+        simulator: the nominal robot, whose problem's gaits are searched.
+        found: the diagnosis so far.
         measured: gaits that were measured already.
         signals: what a recording measures.
         executor: where gaits are simulated.
-        seed: seed of the gaits drawn.
+        seed: seed of the gaits and robots drawn.
     """
-    if len(rivals) < 2:
+    rivals, chances = _rivals(found)
+    names = [" + ".join(rival.names) for rival in rivals]
+    if len(set(names)) < 2:
         return None
-    robots = [Simulator.build(problem.with_effects(r.settings)) for r in rivals]
-    nuisances = nuisance_robots(simulator, seed, _NUISANCES)
-    rng = np.random.default_rng([seed, 25])
-    judge = _Judge(simulator, robots, nuisances, tuple(signals), executor)
-    space, size = problem.space, len(problem.space.variables)
+    problem = simulator.problem
+    robots = [Simulator.build(problem.with_effects(r.settings), fidelity=simulator.fidelity) for r in rivals]
+    drawn = nuisance_robots(robots[0], seed, _DRAWS, _STREAM)
+    judge = _Judge(robots, drawn, tuple(names), chances, tuple(signals), executor)
+    space, rng = problem.space, np.random.default_rng([seed, 25])
     keys = {gait_key(gait) for gait in measured}
     points = [space.encode(gait) for gait in problem.baselines.values() if gait_key(gait) not in keys]
-    points += list(rng.random((_RANDOM, size)))
-    known = judge(list(measured))
-    found = list(zip(judge([space.decode(p) for p in points]), points, strict=True))
+    points += list(rng.random((_RANDOM, len(space.variables))))
+    outlooks = judge([space.decode(point) for point in points])
     for step in _STEPS:
-        again = list(zip(known, [space.encode(gait) for gait in measured], strict=True))
-        _, best = max([*found, *again], key=lambda entry: entry[0])
-        near = [space.wrap(best + step * rng.standard_normal(size)) for _ in range(_REFINED)]
-        found += list(zip(judge([space.decode(p) for p in near]), near, strict=True))
-    value, point = max(found, key=lambda entry: entry[0])
-    gait = replace(space.decode(point), name="next")
-    return Experiment(gait, [" + ".join(r.names) for r in rivals], value, max(known))
+        if not outlooks:
+            return None
+        best = space.encode(min(outlooks, key=_wrong).gait)
+        near = [space.wrap(best + step * rng.standard_normal(len(best))) for _ in range(_REFINED)]
+        outlooks += judge([space.decode(point) for point in near])
+    finalists = [outlook.gait for outlook in sorted(outlooks, key=_wrong)[:_FINALISTS]]
+    others = nuisance_robots(robots[0], seed, _DRAWS + _FINAL_DRAWS, _STREAM)[_DRAWS:]
+    again = replace(judge, drawn=others)(finalists)
+    chosen = min(again or outlooks, key=_wrong)
+    known = judge(list(measured))
+    return Experiment(
+        replace(chosen.gait, name="next"),
+        list(dict.fromkeys(names)),
+        chosen.separation,
+        max((outlook.separation for outlook in known), default=0.0),
+        _inseparable(names, [*outlooks, *known]),
+    )
+
+
+def _rivals(found: Causes) -> tuple[list[Rival], Array]:
+    """Return the rivals that count, the first of each effect and target, and their probabilities.
+
+    The runner-up counts in any case, so that a cause that stands alone can be put to the test.
+    """
+    chances = found.chances
+    likely = [i for i, chance in enumerate(chances) if chance >= _LEAST_CHANCE * chances[0]][:_RIVALS]
+    other = [i for i, rival in enumerate(found.rivals) if rival.names != found.rivals[0].names][:1]
+    chosen = sorted({*likely, *other})
+    return [found.rivals[i] for i in chosen], chances[chosen] / chances[chosen].sum()
+
+
+def _inseparable(names: Sequence[str], outlooks: Sequence[_Outlook]) -> list[list[str]]:
+    """Return each two effects of which some targets differ by less than a floor on every gait."""
+    widest = np.max([outlook.apart for outlook in outlooks], axis=0)
+    alike = [(names[i], names[j]) for j in range(len(names)) for i in range(j) if widest[i, j] < 1.0]
+    pairs = {frozenset(pair): list(pair) for pair in alike if pair[0] != pair[1]}
+    return list(pairs.values())
+
+
+@dataclass(frozen=True)
+class _Outlook:
+    """What a recording of a gait is expected to tell.
+
+    Attributes:
+        gait: the gait.
+        squares: squared difference of each two rivals, in floors, summed over the signals,
+            shape (rivals, rivals).
+        signals: how many signals.
+        names: each rival's effects.
+        chances: each rival's probability before it, shape (rivals,).
+    """
+
+    gait: Gait
+    squares: Array
+    signals: int
+    names: tuple[str, ...]
+    chances: Array
+
+    @property
+    def apart(self) -> Array:
+        """RMS difference of each two rivals, in floors, shape (rivals, rivals)."""
+        root: Array = np.sqrt(self.squares / self.signals)
+        return root
+
+    @property
+    def separation(self) -> float:
+        """RMS difference of the first from those with other effects, in floors, by their probability."""
+        others = self._wrong[0] * self.chances
+        return float(np.sqrt(others @ self.squares[0] / others.sum() / self.signals))
+
+    @cached_property
+    def wrong(self) -> float:
+        """Expected share of the probability on wrong effects afterwards, a floor being a standard error."""
+        after = np.array([probabilities(np.log(self.chances) - 0.5 * row) for row in self.squares])
+        return float(self.chances @ np.sum(after * self._wrong, axis=1))
+
+    @property
+    def _wrong(self) -> Array:
+        """1 for each rival, in columns, that has other effects than the one in the row."""
+        names = np.array(self.names)
+        other: Array = (names[:, None] != names[None, :]).astype(float)
+        return other
+
+
+def _wrong(outlook: _Outlook) -> float:
+    return outlook.wrong
 
 
 @dataclass(frozen=True)
 class _Judge:
-    nominal: Simulator
+    """Foretells what gaits would tell.
+
+    Attributes:
+        robots: each rival's.
+        drawn: robots that differ from the first rival's in what nobody knows. About the nominal robot,
+            fast gaits promise more than the diagnosis then finds in them.
+        names: each rival's effects.
+        chances: each rival's probability.
+        signals: what is measured.
+        executor: where gaits are simulated.
+    """
+
     robots: Sequence[Simulator]
-    nuisances: Sequence[Simulator]
+    drawn: Sequence[Simulator]
+    names: tuple[str, ...]
+    chances: Array
     signals: tuple[str, ...]
     executor: Executor
 
-    def __call__(self, gaits: Sequence[Gait]) -> list[float]:
-        """Return by how many floors the two most alike rivals differ on each gait."""
-        every = [self.nominal, *self.nuisances, *self.robots]
-        futures = [[self.executor.submit(_path, robot, gait) for robot in every] for gait in gaits]
-        return [self._separation([future.result() for future in row]) for row in futures]
+    def __call__(self, gaits: Sequence[Gait]) -> list[_Outlook]:
+        """Return what each gait would tell; those are left out that one of the robots cannot walk."""
+        every = [*self.robots, *self.drawn]
+        futures = [[self.executor.submit(_filmed, robot, gait) for robot in every] for gait in gaits]
+        outlooks = []
+        for gait, row in zip(gaits, futures, strict=True):
+            paths = [future.result() for future in row]
+            if all(path.status == "ok" for path in paths):
+                outlooks.append(self._outlook(gait, paths))
+        return outlooks
 
-    def _separation(self, paths: Sequence[Trajectory]) -> float:
-        if any(path.status != "ok" for path in paths):
-            return 0.0
-        nominal, others = paths[0], paths[1:]
-        disturbed, rivals = others[: len(self.nuisances)], others[len(self.nuisances) :]
-        least = math.inf
-        floors = self._floors(nominal, disturbed)
-        for i, one in enumerate(rivals):
-            for other in rivals[i + 1 :]:
-                squares = [(_apart(one, other, s) / floors[s]) ** 2 for s in self.signals]
-                least = min(least, math.sqrt(sum(squares) / len(squares)))
-        return least
-
-    def _floors(self, nominal: Trajectory, disturbed: Sequence[Trajectory]) -> Mapping[str, float]:
-        floors = {}
+    def _outlook(self, gait: Gait, paths: Sequence[Trajectory]) -> _Outlook:
+        count = len(self.robots)
+        rivals, drawn = paths[:count], paths[count:]
+        squares = np.zeros((count, count))
         for signal in self.signals:
-            noise = _NOISE_M if signal.startswith("marker.") else _ANGLE_NOISE_RAD
-            floors[signal] = math.hypot(noise, *(_apart(nominal, d, signal) for d in disturbed))
-        return floors
+            noise = _NOISE_M if is_marker(signal) else _ANGLE_NOISE_RAD
+            unknown = np.mean([square_apart(rivals[0], path, signal) for path in drawn])
+            floor = noise**2 + _CAUTION * unknown
+            for i, one in enumerate(rivals):
+                for j, other in enumerate(rivals[:i]):
+                    squares[i, j] += square_apart(one, other, signal) / floor
+        return _Outlook(gait, squares + squares.T, len(self.signals), self.names, self.chances)
 
 
-def _path(robot: Simulator, gait: Gait) -> Trajectory:
+def _filmed(robot: Simulator, gait: Gait) -> Trajectory:
     return robot.observe(robot.run(gait, 0, max(SECONDS, 2.0 * gait.period_s)))
-
-
-def _apart(one: Trajectory, other: Trajectory, signal: str) -> float:
-    """Return the RMS difference of a signal, m or rad."""
-    return math.sqrt(square_apart(one, other, signal))

@@ -6,6 +6,7 @@ from typing import Any
 
 from gaitopt.diagnose.align import is_marker
 from gaitopt.diagnose.diagnosis import SIGNIFICANT, Diagnosis, TrialGap
+from gaitopt.diagnose.experiment import Experiment
 from gaitopt.diagnose.floor import marker_floor
 from gaitopt.diagnose.uneven import UNEVEN
 from gaitopt.diagnose.where import Split
@@ -94,13 +95,21 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
             "ones: something acts in some of them and not in others."
         )
     if diagnosis.experiment is not None:
-        next_gait = diagnosis.experiment
-        sentences.append(
-            f"Measure next: a gait of {next_gait.gait.period_s:.2f} s on which "
-            f"{', '.join(next_gait.separates)} differ by {next_gait.separation:.1f} floors "
-            f"(so far {next_gait.before:.1f})."
-        )
+        period = diagnosis.experiment.gait.period_s
+        sentences.append(f"Measure next: a gait of {period:.2f} s. {what_it_tells(diagnosis.experiment)}")
     return sentences
+
+
+def what_it_tells(experiment: Experiment) -> str:
+    """Return what the next experiment is expected to tell, and what no gait does."""
+    first, *others = experiment.separates
+    text = (
+        f"On it {first} and {' or '.join(others)} differ by {experiment.separation:.1f} floors (on the gaits "
+        f"measured so far by {experiment.before:.1f})."
+    )
+    for one, other in experiment.inseparable:
+        text += f" No gait that was tried tells {one} from {other}: measure another signal for that."
+    return text
 
 
 def explanation(diagnosis: Diagnosis) -> list[str]:

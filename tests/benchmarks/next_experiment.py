@@ -2,7 +2,7 @@
 
     python tests/benchmarks/next_experiment.py --work /tmp/next --out results/blind
 
-Blind cases of one effect are filmed on one slow gait, with the marker's x alone, until enough of them are
+Blind cases of one effect are filmed on one gait, with the marker's x alone, until enough of them are
 ambiguous. Each of those is then filmed on the gait that its diagnosis proposed, and on random ones: the same
 robot with the same numerics, and the first recording to the last bit as it was. OUT/next-experiment.jsonl has
 one line for each case that is done, all that the study needs to go on elsewhere.
@@ -11,6 +11,7 @@ one line for each case that is done, all that the study needs to go on elsewhere
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,7 +34,7 @@ from gaitopt.optimise.executors import open_executor
 from gaitopt.problem import load_problem
 from gaitopt.results import to_json
 
-FIRST = "square-4s"
+FIRST = "square-2s"
 SECONDS = 8.0
 SIGNALS = ("marker.x",)
 RANDOM = 2
@@ -97,7 +98,7 @@ class Study:
     def _after(self, draw: Draw, index: int, work: Path, gait: Gait, truth: str) -> dict[str, Any]:
         try:
             folder = self.film(draw, index, work / f"{index:03d}-{gait.name}", gait)
-            return _answer(self.diagnosed(folder, False), truth)
+            return _answer(self.diagnosed(folder, False), truth) | {"period_s": gait.period_s}
         except GaitoptError as error:  # such as a gait that the robot cannot walk: it has told nothing
             return {"verdict": f"not filmed: {error}", "named": None, "truth_in": None}
 
@@ -111,7 +112,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--seed", type=int, default=803)
+    parser.add_argument("--seed", type=int, default=804)
     parser.add_argument("--ambiguous", type=int, default=16, help="cases wanted")
     options = parser.parse_args()
     problem = load_problem("arcfold")
@@ -142,27 +143,39 @@ def _line(row: dict[str, Any]) -> str:
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the record of the ambiguous cases."""
     used = [row for row in rows if "proposed" in row]
-    before = [float(len(row["before"]["named"])) for row in used]
-    proposed = [_size(row["proposed"], row["before"]) for row in used]
-    random = [float(np.mean([_size(r, row["before"]) for r in row["random"]])) for row in used]
     return {
         "cases_tried": len(rows),
         "ambiguous": len(used),
-        "size_before": mean(before),
-        "size_after_proposed": mean(proposed),
-        "size_after_random": mean(random),
-        "proposed_below_random": mean([r - p for p, r in zip(proposed, random, strict=True)]),
-        "smaller": sum(p < r for p, r in zip(proposed, random, strict=True)),
-        "larger": sum(p > r for p, r in zip(proposed, random, strict=True)),
+        "size_before": mean([float(len(row["before"]["named"])) for row in used]),
+        "named": _compared(used, _size),
+        "named_with_the_truth": _compared(used, _size_if_true),
         "truth_in_before": _rate([row["before"] for row in used]),
         "truth_in_proposed": _rate([row["proposed"] for row in used]),
         "truth_in_random": _rate([r for row in used for r in row["random"]]),
     }
 
 
+def _compared(used: list[dict[str, Any]], size: Callable[..., float]) -> dict[str, Any]:
+    """Return the sizes after the proposed gait and after random ones, side by side."""
+    proposed = [size(row["proposed"], row["before"]) for row in used]
+    random = [float(np.mean([size(r, row["before"]) for r in row["random"]])) for row in used]
+    return {
+        "after_proposed": mean(proposed),
+        "after_random": mean(random),
+        "difference": mean([r - p for p, r in zip(proposed, random, strict=True)]),
+        "smaller": sum(p < r for p, r in zip(proposed, random, strict=True)),
+        "larger": sum(p > r for p, r in zip(proposed, random, strict=True)),
+    }
+
+
 def _size(after: dict[str, Any], before: dict[str, Any]) -> float:
     """Return how many effects are named; as many as before where nothing was learnt."""
     return float(len(after["named"] or before["named"]))
+
+
+def _size_if_true(after: dict[str, Any], before: dict[str, Any]) -> float:
+    """Return the same, an answer without the truth being no answer."""
+    return _size(after, before) if after["truth_in"] else float(len(before["named"]))
 
 
 def _rate(answers: list[dict[str, Any]]) -> dict[str, Any]:
@@ -173,20 +186,26 @@ def _rate(answers: list[dict[str, Any]]) -> dict[str, Any]:
 def sentences(record: dict[str, Any]) -> list[str]:
     """Return the record in words."""
 
-    def said(key: str, digits: int = 2) -> str:
-        low, high = record[key]["ci90"]
-        return f"{record[key]['value']:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+    def said(found: dict[str, Any], digits: int = 2) -> str:
+        low, high = found["ci90"]
+        return f"{found['value']:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
-    return [
+    lines = [
         f"{record['ambiguous']} ambiguous cases of {record['cases_tried']}",
-        f"effects named before: {said('size_before')}",
-        f"after the proposed gait: {said('size_after_proposed')}",
-        f"after a random gait: {said('size_after_random')}",
-        f"fewer by the proposed than by a random one: {said('proposed_below_random')}; "
-        f"smaller in {record['smaller']}, larger in {record['larger']} cases",
-        f"truth named before, after the proposed, after a random gait: {said('truth_in_before')}, "
-        f"{said('truth_in_proposed')}, {said('truth_in_random')}",
+        f"effects named before: {said(record['size_before'])}",
     ]
+    for key, what in (
+        ("named", "effects named"),
+        ("named_with_the_truth", "the same, as before without the truth"),
+    ):
+        found = record[key]
+        lines.append(
+            f"{what}: after the proposed gait {said(found['after_proposed'])}, after a random one "
+            f"{said(found['after_random'])}; fewer by {said(found['difference'])}; smaller in "
+            f"{found['smaller']}, larger in {found['larger']} cases"
+        )
+    truth = [said(record[f"truth_in_{when}"]) for when in ("before", "proposed", "random")]
+    return [*lines, f"truth named before, after the proposed, after a random gait: {', '.join(truth)}"]
 
 
 def write(out: Path, record: dict[str, Any], used: list[dict[str, Any]]) -> None:
