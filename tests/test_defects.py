@@ -194,6 +194,16 @@ def test_a_wrong_frame_rate(ratio):
     assert defect.parameters == {"ratio": ratio}
 
 
+def test_uneven_strides_are_no_wrong_frame_rate():
+    """A walk whose speed wanders repeats by twos and fours better than one by one."""
+    found, time = [], np.arange(0.0, 10.0, 1.0 / FPS)
+    for seed in range(10):
+        pushed = 0.012 * np.cumsum(np.random.default_rng(seed).standard_normal(11))
+        series = steps(time) + np.interp(time, np.arange(11.0), pushed)
+        found += mismatched(Trial.of("walk", GAIT, time, {"marker.x": series}), simulated(duration=12.0))
+    assert found == []
+
+
 @pytest.mark.parametrize(("scale", "said"), [(1e3, "millimetres"), (1e2, "centimetres"), (8e3, "pixels")])
 def test_a_wrong_unit(scale, said):
     trial = recorded()
