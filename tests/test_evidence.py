@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from toyfits import toy_bench, toy_fit
 
 from gaitopt.diagnose import evidence
 from gaitopt.diagnose.fitting import Point
@@ -37,6 +38,57 @@ def test_shrinkage_counts_what_is_above_the_floor():
     assert evidence.shrinkage(5.0, 1.0, 1.0) == 1.0
     assert evidence.shrinkage(5.0, 3.0, 1.0) == 0.5
     assert evidence.shrinkage(1.0, 0.5, 2.0) is None
+
+
+ROWS = 40
+SHOWN = np.concatenate([np.ones(ROWS // 2), np.zeros(ROWS // 2)])
+"""An effect that the first of two trials shows, and the second does not."""
+
+
+def of_two_trials(measured, predicted, at=(0.0, 0.4, 0.6, 1.0), name="toy"):
+    return evidence.single(
+        toy_fit(
+            toy_bench(ROWS, 4, problem=SimpleNamespace(channel_names=("servo",)), trials=2),
+            measured,
+            predicted,
+            at,
+            name=name,
+        )
+    )
+
+
+def test_a_trial_that_shows_nothing_says_nothing_against_a_rival():
+    """The first trial is foretold by what the second leaves possible, which is anything."""
+    found = of_two_trials(3.0 * SHOWN, lambda a: 6.0 * a * SHOWN)
+    bench = found.fits[0].bench
+    assert found.fits[0].loss(np.array([0.0, 0.0, 1.0, 1.0]))[:2].sum() == pytest.approx(9.0 * ROWS / 2)
+    assert evidence.left(bench, found) < 0.01
+
+
+def test_a_trial_that_shows_an_effect_holds_a_rival_to_it():
+    """Of a trial that asks for 0.5, what the other leaves possible, near 0.1, does not foretell the half."""
+    asked = np.where(SHOWN > 0.0, 0.5, 0.1)
+    found = of_two_trials(40.0 * asked, lambda a: np.full(ROWS, 40.0 * a), np.linspace(0.0, 1.0, 11))
+    assert evidence.left(found.fits[0].bench, found) > 100.0
+
+
+def test_a_trial_on_which_the_loss_jumps_takes_nothing_from_another():
+    """A slow gait tells two effects apart; a fast one, where near robots differ by chance, tells nothing."""
+    rng = np.random.default_rng(3)
+    at = (0.0, 0.498, 0.5, 0.502, 1.0)
+    jumps = 3.0 * rng.standard_normal((len(at), ROWS)) * (1.0 - SHOWN)
+
+    def weights(size):
+        right = of_two_trials(2.0 * SHOWN, lambda a: 4.0 * a * SHOWN + size * jumps[at.index(a)], at, "right")
+        wrong = of_two_trials(2.0 * SHOWN, lambda a: a * SHOWN + size * jumps[at.index(a)], at, "wrong")
+        first, second = evidence.scores(right.fits[0].bench, [right, wrong])
+        return first - second, evidence._luck(right.fits[0].bench, right)
+
+    (calm, none), (jagged, luck) = weights(0.0), weights(1.0)
+    assert none == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert luck[0] == pytest.approx(0.0, abs=1e-9)
+    assert luck[1] > 10.0 * evidence.TEMPER
+    assert jagged > 0.3 * calm > 0.0
 
 
 def rival(nominal, *changes):

@@ -14,7 +14,8 @@ ROWS, TRUE = 60, 0.9
 def fitted(measured, predicted, at):
     """A fit of one parameter between 0 and 2, simulated at some coordinates, and its rival."""
     fit = toy_fit(toy_bench(ROWS, 6), measured, predicted, at, high=2.0)
-    return Rival((fit,), (fit.best(),), fit.loss(), fit.loss(), fit.between("whitened"), np.empty(0), 0.0)
+    loss = fit.loss()
+    return Rival((fit,), (fit.best(),), loss, loss, fit.between("whitened"), np.empty(0), 0.0)
 
 
 @pytest.mark.parametrize("size", [0.0, 10.0])

@@ -12,11 +12,14 @@ from gaitopt.diagnose.hypotheses import Hypothesis
 from gaitopt.effects.effect import ALL
 
 
-def toy_bench(rows: int, count: int, views: Sequence[Any] = (), problem: Any = None) -> Bench:
-    """Rows in so many blocks of one trial, two folds of them."""
+def toy_bench(
+    rows: int, count: int, views: Sequence[Any] = (), problem: Any = None, trials: int = 1
+) -> Bench:
+    """Rows in so many blocks of one trial, two folds of them; or of more trials, each a fold."""
     none, blocks = np.zeros(0, dtype=np.intp), np.repeat(np.arange(count), rows // count)
-    folds = tuple(np.array_split(np.arange(count), 2))
-    return Bench(problem, None, tuple(views), (), blocks, np.zeros(count, dtype=np.intp), none, none, folds)
+    folds = tuple(np.array_split(np.arange(count), max(2, trials)))
+    of_trials = np.repeat(np.arange(trials), count // trials)
+    return Bench(problem, None, tuple(views), (), blocks, of_trials, none, none, folds)
 
 
 def toy_point(at: ArrayLike, whitened: np.ndarray) -> Point:

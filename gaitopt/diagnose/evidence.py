@@ -1,8 +1,10 @@
 """Evidence: what each rival foretells of trials that its fit did not see, and what may be concluded.
 
-Each rival is fitted without one gait (without some cycles, where there is one gait) and judged on it. Its
-score is the likelihood of the whitened residual of what was left out, tempered: a model of a robot is
-never right to its floor, so squares count in multiples of what the best rival leaves, `TEMPER` times.
+Each rival is fitted without one gait (without some cycles, where there is one gait) and judged on it: by the
+best of the parameters that the others do not rule out, since trials that do not show an effect say nothing of
+its parameter, and so nothing against it. Its score is the likelihood of the whitened residual of what was
+left out, tempered: a model of a robot is never right to its floor, so squares count in multiples of what the
+best rival leaves, `TEMPER` times.
 """
 
 from __future__ import annotations
@@ -24,7 +26,11 @@ TEMPER = 6.0
 """Whitened squares that count as one: what is left of a right model is alike from bin to bin."""
 
 LUCK = 0.5
-"""Share of the jumps of the loss near the best rival that is added to it."""
+"""Share of the jumps of the loss near the best rival that is added to it, trial by trial: a fast gait, on
+which it jumps, takes nothing from what a slow one shows."""
+
+POSSIBLE = 2.71 * TEMPER
+"""Loss above the least up to which a parameter is not ruled out: the ends of a 90 % interval."""
 
 PRIOR_WEIGHT = 0.3
 """Weight of the prior of a fitted parameter: bounds and priors are guesses too."""
@@ -50,7 +56,8 @@ class Rival:
         fits: the effects' fits; none for "no effect".
         at: their coordinates, fitted to all trials.
         seen: loss of each block, fitted to all, shape (blocks,).
-        held_out: loss of each block by the fit that did not see it, shape (blocks,).
+        held_out: loss of each block by the best parameters that the blocks of the other folds do not rule
+            out, shape (blocks,).
         whitened: residual fitted to all trials, shape (rows,).
         apart: marker's residual of each sample by the fit that did not see it, m.
         log_prior: of the parameters.
@@ -67,12 +74,15 @@ class Rival:
     pair: PairFit | None = None
 
     @property
-    def evidence(self) -> float:
-        """Loss by which rivals of as many parameters are ranked: held out and fitted, half each.
+    def judged(self) -> Array:
+        """Loss of each block by which rivals are ranked: held out and fitted, half each."""
+        half: Array = 0.5 * (self.held_out + self.seen)
+        return half
 
-        Where the trials left in cannot show an effect, its fit without the others says little against it.
-        """
-        return 0.5 * float(self.held_out.sum() + self.seen.sum())
+    @property
+    def evidence(self) -> float:
+        """The same, of all blocks."""
+        return float(self.judged.sum())
 
     @property
     def names(self) -> list[str]:
@@ -99,10 +109,10 @@ def nothing(bench: Bench, nominal: Point) -> Rival:
 
 def single(fit: Fit) -> Rival:
     """Return the rival of one effect."""
-    bench = fit.bench
+    bench, losses = fit.bench, fit.curve.losses
     held_out, apart = np.empty(bench.count), fit.between("apart").copy()
     for fold, weights in bench.left_out:
-        held_out[fold] = fit.loss(weights)[fold]
+        held_out[fold] = _best_possible(losses, fold, weights)
         hidden = np.isin(bench.sample_blocks, fold)
         apart[hidden] = fit.between("apart", weights)[hidden]
     at = fit.best()
@@ -114,16 +124,30 @@ def double(pair: PairFit) -> Rival:
     """Return the rival of two effects."""
     bench = pair.fits[0].bench
     point = pair.best()
+    losses = np.stack([bench.losses(p.whitened, p.whitened) for p in pair.points], axis=1)
     held_out, apart = np.empty(bench.count), point.apart.copy()
     for fold, weights in bench.left_out:
-        other = pair.best(weights)
-        held_out[fold] = bench.losses(other.whitened, other.whitened)[fold]
+        held_out[fold] = _best_possible(losses, fold, weights)
         hidden = np.isin(bench.sample_blocks, fold)
-        apart[hidden] = other.apart[hidden]
+        apart[hidden] = pair.best(weights).apart[hidden]
     at = tuple(point.at.tolist())
     prior = sum(_heavy(f.hypothesis.log_prior(a)) for f, a in zip(pair.fits, at, strict=True))
     seen = bench.losses(point.whitened, point.whitened)
     return Rival(pair.fits, at, seen, held_out, point.whitened, apart, prior, pair)
+
+
+def _best_possible(losses: Array, fold: NDArray[np.intp], weights: Array) -> Array:
+    """Return the least losses of a fold among the parameters that the other blocks do not rule out.
+
+    Args:
+        losses: of each block with each parameter, shape (blocks, n).
+        fold: the blocks left out.
+        weights: 1 for the other blocks, shape (blocks,).
+    """
+    others = weights @ losses
+    allowed = np.flatnonzero(others <= others.min() + POSSIBLE)
+    best: Array = losses[fold][:, allowed[int(np.argmin(losses[fold][:, allowed].sum(axis=0)))]]
+    return best
 
 
 def _heavy(log_prior: float) -> float:
@@ -132,16 +156,11 @@ def _heavy(log_prior: float) -> float:
 
 
 def left(bench: Bench, rival: Rival) -> float:
-    """Return the mean whitened square that a rival leaves on held-out data, of the worst trial.
+    """Return the mean whitened square that a rival must leave on data it did not see, of the worst trial.
 
     It is 1 where the rival is right and the covariance is.
     """
-    return max(left_by_trial(bench, rival).values())
-
-
-def left_by_trial(bench: Bench, rival: Rival) -> dict[int, float]:
-    """Return the mean whitened square of each trial, held out."""
-    return bench.by_trial(rival.held_out)
+    return max(bench.by_trial(rival.held_out).values())
 
 
 def scores(bench: Bench, rivals: Sequence[Rival]) -> Array:
@@ -150,19 +169,22 @@ def scores(bench: Bench, rivals: Sequence[Rival]) -> Array:
     A difference that half of the jumps near the best rival would make is no evidence: fewer or more robots
     simulated near another would have changed it as much.
     """
-    held_out = np.array([rival.evidence for rival in rivals])
-    unit = TEMPER * max(1.0, float(held_out.min()) / bench.rows_of_blocks.sum())
-    unit += LUCK * _luck(rivals[int(np.argmin(held_out))])
+    totals = np.array([rival.evidence for rival in rivals])
+    best = rivals[int(np.argmin(totals))]
+    # Of trials alike, the jumps add up as chance does.
+    luck = LUCK * math.sqrt(bench.trials) * _luck(bench, best)
+    units = TEMPER * max(1.0, best.evidence / bench.rows_of_blocks.sum()) + luck
     priors = np.array([PRIOR_WEIGHT * r.log_prior + sum(_share(f) for f in r.fits) for r in rivals])
-    weights: Array = -0.5 * held_out / unit + priors
+    by_trial = np.array([bench.sums(rival.judged) for rival in rivals])
+    weights: Array = -0.5 * by_trial @ (1.0 / units) + priors
     return weights
 
 
-def _luck(rival: Rival) -> float:
-    """Return by how much losses of near robots differ by chance."""
+def _luck(bench: Bench, rival: Rival) -> Array:
+    """Return by how much losses of near robots differ by chance, of each trial, shape (trials,)."""
     if rival.pair is not None:
         return response.of_pair(rival.pair).luck
-    return response.of_fit(rival.fits[0]).luck if rival.fits else 0.0
+    return response.of_fit(rival.fits[0]).luck if rival.fits else np.zeros(bench.trials)
 
 
 def _share(fit: Fit) -> float:

@@ -110,6 +110,11 @@ class Bench:
         return len(self.block_trials)
 
     @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return int(self.block_trials[-1]) + 1
+
+    @property
     def rows_of_blocks(self) -> Array:
         """Rows in each block, shape (blocks,)."""
         counts: Array = np.bincount(self.blocks, minlength=self.count).astype(float)
@@ -129,6 +134,15 @@ class Bench:
         """Return the inner product of two whitened residuals, block by block, shape (blocks,)."""
         sums: Array = np.bincount(self.blocks, one * other, minlength=self.count).astype(float)
         return sums
+
+    def of_trials(self, whitened: Array) -> Array:
+        """Return the loss of each trial from a whitened residual, shape (trials,)."""
+        return self.sums(self.losses(whitened, whitened))
+
+    def sums(self, losses: Array) -> Array:
+        """Return the loss of each trial from that of each block, shape (trials,)."""
+        totals: Array = np.bincount(self.block_trials, losses, minlength=self.trials).astype(float)
+        return totals
 
     @property
     def first(self) -> Bench:
@@ -165,8 +179,7 @@ class Bench:
 
     def by_trial(self, losses: Array) -> dict[int, float]:
         """Return each trial's mean whitened square from the losses of the blocks, shape (blocks,)."""
-        rows, trials = self.rows_of_blocks, self.block_trials
-        return {int(t): float(losses[trials == t].sum() / rows[trials == t].sum()) for t in np.unique(trials)}
+        return dict(enumerate((self.sums(losses) / self.sums(self.rows_of_blocks)).tolist()))
 
     def point(self, at: Sequence[float], trajectories: Sequence[Trajectory]) -> Point | None:
         """Return the trials beside some trajectories, whitened by their views; None where one failed."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.fitting import Fit, Point
+from gaitopt.diagnose.fitting import Bench, Fit, Point
 from gaitopt.diagnose.pairs import PairFit
 
 Array = NDArray[np.float64]
@@ -38,27 +38,29 @@ class Response:
     Attributes:
         slopes: change of the whitened residual over each parameter's whole range, shape (rows, parameters).
         jump: square of what a near robot's residual is off them, the median.
-        luck: by how much its loss is, the median.
+        luck: by how much its loss of each trial is, the median, shape (trials,).
     """
 
     slopes: Array
     jump: float
-    luck: float
+    luck: Array
 
 
 def of_fit(fit: Fit) -> Response:
     """Return the response near a fit's best robot."""
     best, h = fit.best(), fit.hypothesis
     nearest = min(fit.points, key=lambda point: abs(float(point.at[0]) - best))
-    return _response(fit.points, nearest, np.array([h.high - h.low]), None)
+    return _response(fit.bench, fit.points, nearest, np.array([h.high - h.low]), None)
 
 
 def of_pair(pair: PairFit) -> Response:
     """Return the response near a pair's best robot."""
-    return _response(pair.points, pair.best(), pair.spans, pair.slopes * pair.spans)
+    return _response(pair.fits[0].bench, pair.points, pair.best(), pair.spans, pair.slopes * pair.spans)
 
 
-def _response(points: Sequence[Point], best: Point, spans: Array, known: Array | None) -> Response:
+def _response(
+    bench: Bench, points: Sequence[Point], best: Point, spans: Array, known: Array | None
+) -> Response:
     """Return the response near a simulated robot; its slopes are `known` where too few robots are near."""
     moved = np.array([(point.at - best.at) / spans for point in points])
     changes = np.array([point.whitened - best.whitened for point in points])
@@ -77,8 +79,8 @@ def _response(points: Sequence[Point], best: Point, spans: Array, known: Array |
     nearest = np.flatnonzero(near)[np.argsort(distance[near], kind="stable")][:_NEAREST]
     smooth = moved[nearest] @ slopes.T
     if not len(nearest):
-        return Response(slopes, 0.0, 0.0)
+        return Response(slopes, 0.0, np.zeros(bench.trials))
     jumps = np.sum((changes[nearest] - smooth) ** 2, axis=1)
-    losses = np.sum((best.whitened + changes[nearest]) ** 2, axis=1)
-    luck = np.abs(losses - np.sum((best.whitened + smooth) ** 2, axis=1))
-    return Response(slopes, float(np.median(jumps)), float(np.median(luck)))
+    jumped, even = ([bench.of_trials(best.whitened + c) for c in by] for by in (changes[nearest], smooth))
+    luck = np.abs(np.array(jumped) - np.array(even))
+    return Response(slopes, float(np.median(jumps)), np.median(luck, axis=0))
