@@ -23,6 +23,7 @@ from gaitopt.diagnose.evidence import Rival, probabilities
 from gaitopt.diagnose.nuisances import nuisance_robots
 from gaitopt.diagnose.predict import gait_key
 from gaitopt.gait import Gait
+from gaitopt.problem import Problem
 from gaitopt.rollout import Simulator
 from gaitopt.trajectory import Trajectory
 
@@ -46,8 +47,9 @@ _ANGLE_NOISE_RAD = 3e-3
 _CAUTION = 2.0
 """The variance of so few robots, and of a rival that is not quite right, is taken to be so much larger."""
 
-_DRAWS = 3
-_FINALISTS, _FINAL_DRAWS = 3, 6
+_LEADERS = 3
+_DRAWS = 2
+_FINALISTS, _FINAL_DRAWS = 3, 3
 """Of many gaits judged by few robots the best is partly lucky: the first few are judged by others again."""
 
 _STREAM = 34
@@ -106,21 +108,17 @@ def propose(
         return None
     problem = simulator.problem
     robots = [Simulator.build(problem.with_effects(r.settings), fidelity=simulator.fidelity) for r in rivals]
-    drawn = nuisance_robots(robots[0], seed, _DRAWS, _STREAM)
+    leaders = [names.index(name) for name in dict.fromkeys(names)][:_LEADERS]
+    several = [nuisance_robots(robots[i], seed, _DRAWS + _FINAL_DRAWS, _STREAM) for i in leaders]
+    drawn, others = (
+        [(i, robot) for i, own in zip(leaders, several, strict=True) for robot in own[part]]
+        for part in (slice(_DRAWS), slice(_DRAWS, None))
+    )
     judge = _Judge(robots, drawn, tuple(names), chances, tuple(signals), executor)
-    space, rng = problem.space, np.random.default_rng([seed, 25])
-    keys = {gait_key(gait) for gait in measured}
-    points = [space.encode(gait) for gait in problem.baselines.values() if gait_key(gait) not in keys]
-    points += list(rng.random((_RANDOM, len(space.variables))))
-    outlooks = judge([space.decode(point) for point in points])
-    for step in _STEPS:
-        if not outlooks:
-            return None
-        best = space.encode(min(outlooks, key=_wrong).gait)
-        near = [space.wrap(best + step * rng.standard_normal(len(best))) for _ in range(_REFINED)]
-        outlooks += judge([space.decode(point) for point in near])
+    outlooks = _searched(judge, problem, measured, seed)
+    if not outlooks:
+        return None
     finalists = [outlook.gait for outlook in sorted(outlooks, key=_wrong)[:_FINALISTS]]
-    others = nuisance_robots(robots[0], seed, _DRAWS + _FINAL_DRAWS, _STREAM)[_DRAWS:]
     again = replace(judge, drawn=others)(finalists)
     chosen = min(again or outlooks, key=_wrong)
     known = judge(list(measured))
@@ -131,6 +129,20 @@ def propose(
         max((outlook.separation for outlook in known), default=0.0),
         _inseparable(names, [*outlooks, *known]),
     )
+
+
+def _searched(judge: _Judge, problem: Problem, measured: Sequence[Gait], seed: int) -> list[_Outlook]:
+    """Return what baselines, gaits drawn at random and gaits near the best of them would tell."""
+    space, rng = problem.space, np.random.default_rng([seed, 25])
+    keys = {gait_key(gait) for gait in measured}
+    points = [space.encode(gait) for gait in problem.baselines.values() if gait_key(gait) not in keys]
+    points += list(rng.random((_RANDOM, len(space.variables))))
+    outlooks = judge([space.decode(point) for point in points])
+    for step in _STEPS if outlooks else ():
+        best = space.encode(min(outlooks, key=_wrong).gait)
+        near = [space.wrap(best + step * rng.standard_normal(len(best))) for _ in range(_REFINED)]
+        outlooks += judge([space.decode(point) for point in near])
+    return outlooks
 
 
 def _rivals(found: Causes) -> tuple[list[Rival], Array]:
@@ -208,8 +220,8 @@ class _Judge:
 
     Attributes:
         robots: each rival's.
-        drawn: robots that differ from the first rival's in what nobody knows. About the nominal robot,
-            fast gaits promise more than the diagnosis then finds in them.
+        drawn: robots that differ from one of the leading rivals' in what nobody knows, with its index. About
+            the nominal robot, fast gaits promise more than the diagnosis then finds in them.
         names: each rival's effects.
         chances: each rival's probability.
         signals: what is measured.
@@ -217,7 +229,7 @@ class _Judge:
     """
 
     robots: Sequence[Simulator]
-    drawn: Sequence[Simulator]
+    drawn: Sequence[tuple[int, Simulator]]
     names: tuple[str, ...]
     chances: Array
     signals: tuple[str, ...]
@@ -225,7 +237,7 @@ class _Judge:
 
     def __call__(self, gaits: Sequence[Gait]) -> list[_Outlook]:
         """Return what each gait would tell; those are left out that one of the robots cannot walk."""
-        every = [*self.robots, *self.drawn]
+        every = [*self.robots, *(robot for _, robot in self.drawn)]
         futures = [[self.executor.submit(_filmed, robot, gait) for robot in every] for gait in gaits]
         outlooks = []
         for gait, row in zip(gaits, futures, strict=True):
@@ -236,11 +248,12 @@ class _Judge:
 
     def _outlook(self, gait: Gait, paths: Sequence[Trajectory]) -> _Outlook:
         count = len(self.robots)
-        rivals, drawn = paths[:count], paths[count:]
+        rivals = paths[:count]
+        drawn = [(rivals[i], path) for (i, _), path in zip(self.drawn, paths[count:], strict=True)]
         squares = np.zeros((count, count))
         for signal in self.signals:
             noise = _NOISE_M if is_marker(signal) else _ANGLE_NOISE_RAD
-            unknown = np.mean([square_apart(rivals[0], path, signal) for path in drawn])
+            unknown = np.mean([square_apart(centre, path, signal) for centre, path in drawn])
             floor = noise**2 + _CAUTION * unknown
             for i, one in enumerate(rivals):
                 for j, other in enumerate(rivals[:i]):
