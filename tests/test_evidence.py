@@ -116,3 +116,14 @@ def test_chance_gains_little(planted, significant):
     chance = evidence.p_value(trials, nominal, rivals, max(gain, 0.0), 1)
     assert (chance <= 0.05) == significant
     assert chance == evidence.p_value(trials, nominal, rivals, max(gain, 0.0), 1)
+
+
+@pytest.mark.parametrize("stiffness", [0.1, 1.0, 10.0])
+def test_held_out_losses_are_predictive_squares(stiffness):
+    """Fitted to others alone a parameter is off by their error, which adds to that of the trial left out."""
+    slopes = np.where(SHOWN > 0.0, 10.0, 10.0 * np.sqrt(stiffness))
+    asked = np.where(SHOWN > 0.0, 0.4, 0.6)
+    found = of_two_trials(slopes * asked, lambda a: slopes * a, np.linspace(0.0, 1.0, 201))
+    own, others = 100.0 * ROWS / 2, 100.0 * stiffness * ROWS / 2
+    both = 0.2**2 / (1.0 / own + 1.0 / others)
+    assert found.fits[0].bench.sums(found.held_out) == pytest.approx([both, both], rel=2e-3)

@@ -1,10 +1,10 @@
 """Evidence: what each rival foretells of trials that its fit did not see, and what may be concluded.
 
-Each rival is fitted without one gait (without some cycles, where there is one gait) and judged on it: by the
-best of the parameters that the others do not rule out, since trials that do not show an effect say nothing of
-its parameter, and so nothing against it. Its score is the likelihood of the whitened residual of what was
-left out, tempered: a model of a robot is never right to its floor, so squares count in multiples of what the
-best rival leaves, `TEMPER` times.
+Each rival is judged by how well one gait (some cycles, where there is one gait) is foretold by the others: by
+how much more it leaves with that gait than without. So a parameter is held to what the others show of it, as
+far as they do; trials that do not show an effect say nothing against it. Its score is the likelihood of the
+whitened residual of what was left out, tempered: a model of a robot is never right to its floor, so squares
+count in multiples of what the best rival leaves, `TEMPER` times.
 """
 
 from __future__ import annotations
@@ -28,9 +28,6 @@ TEMPER = 6.0
 LUCK = 0.5
 """Share of the jumps of the loss near the best rival that is added to it, trial by trial: a fast gait, on
 which it jumps, takes nothing from what a slow one shows."""
-
-POSSIBLE = 2.71 * TEMPER
-"""Loss above the least up to which a parameter is not ruled out: the ends of a 90 % interval."""
 
 PRIOR_WEIGHT = 0.3
 """Weight of the prior of a fitted parameter: bounds and priors are guesses too."""
@@ -56,8 +53,7 @@ class Rival:
         fits: the effects' fits; none for "no effect".
         at: their coordinates, fitted to all trials.
         seen: loss of each block, fitted to all, shape (blocks,).
-        held_out: loss of each block by the best parameters that the blocks of the other folds do not rule
-            out, shape (blocks,).
+        held_out: what each block adds to the least loss of those of the other folds, shape (blocks,).
         whitened: residual fitted to all trials, shape (rows,).
         apart: marker's residual of each sample by the fit that did not see it, m.
         log_prior: of the parameters.
@@ -109,14 +105,13 @@ def nothing(bench: Bench, nominal: Point) -> Rival:
 
 def single(fit: Fit) -> Rival:
     """Return the rival of one effect."""
-    bench, losses = fit.bench, fit.curve.losses
-    held_out, apart = np.empty(bench.count), fit.between("apart").copy()
+    bench, apart = fit.bench, fit.between("apart").copy()
     for fold, weights in bench.left_out:
-        held_out[fold] = _best_possible(losses, fold, weights)
         hidden = np.isin(bench.sample_blocks, fold)
         apart[hidden] = fit.between("apart", weights)[hidden]
     at = fit.best()
     prior = _heavy(fit.hypothesis.log_prior(at))
+    held_out = _added(bench, fit.curve.losses)
     return Rival((fit,), (at,), fit.loss(), held_out, fit.between("whitened"), apart, prior)
 
 
@@ -124,30 +119,33 @@ def double(pair: PairFit) -> Rival:
     """Return the rival of two effects."""
     bench = pair.fits[0].bench
     point = pair.best()
-    losses = np.stack([bench.losses(p.whitened, p.whitened) for p in pair.points], axis=1)
-    held_out, apart = np.empty(bench.count), point.apart.copy()
+    apart = point.apart.copy()
     for fold, weights in bench.left_out:
-        held_out[fold] = _best_possible(losses, fold, weights)
         hidden = np.isin(bench.sample_blocks, fold)
         apart[hidden] = pair.best(weights).apart[hidden]
     at = tuple(point.at.tolist())
     prior = sum(_heavy(f.hypothesis.log_prior(a)) for f, a in zip(pair.fits, at, strict=True))
     seen = bench.losses(point.whitened, point.whitened)
+    held_out = _added(bench, np.stack([bench.losses(p.whitened, p.whitened) for p in pair.points], axis=1))
     return Rival(pair.fits, at, seen, held_out, point.whitened, apart, prior, pair)
 
 
-def _best_possible(losses: Array, fold: NDArray[np.intp], weights: Array) -> Array:
-    """Return the least losses of a fold among the parameters that the other blocks do not rule out.
+def _added(bench: Bench, losses: Array) -> Array:
+    """Return what each block adds to the least loss of the blocks of the other folds, shape (blocks,).
+
+    Its own loss where all fit best, and by how much the others then leave more than they need, spread over
+    the rows of its fold: the predictive square of a linear model whose parameter the others have fitted.
 
     Args:
+        bench: the trials.
         losses: of each block with each parameter, shape (blocks, n).
-        fold: the blocks left out.
-        weights: 1 for the other blocks, shape (blocks,).
     """
-    others = weights @ losses
-    allowed = np.flatnonzero(others <= others.min() + POSSIBLE)
-    best: Array = losses[fold][:, allowed[int(np.argmin(losses[fold][:, allowed].sum(axis=0)))]]
-    return best
+    best = int(np.argmin(losses.sum(axis=0)))
+    added: Array = losses[:, best].copy()
+    for fold, weights in bench.left_out:
+        others, rows = weights @ losses, bench.rows_of_blocks[fold]
+        added[fold] += (others[best] - others.min()) * rows / rows.sum()
+    return added
 
 
 def _heavy(log_prior: float) -> float:
@@ -156,7 +154,7 @@ def _heavy(log_prior: float) -> float:
 
 
 def left(bench: Bench, rival: Rival) -> float:
-    """Return the mean whitened square that a rival must leave on data it did not see, of the worst trial.
+    """Return the mean whitened square that a rival leaves on held-out data, of the worst trial.
 
     It is 1 where the rival is right and the covariance is.
     """
