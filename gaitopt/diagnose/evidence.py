@@ -70,15 +70,9 @@ class Rival:
     pair: PairFit | None = None
 
     @property
-    def judged(self) -> Array:
-        """Loss of each block by which rivals are ranked: held out and fitted, half each."""
-        half: Array = 0.5 * (self.held_out + self.seen)
-        return half
-
-    @property
     def evidence(self) -> float:
-        """The same, of all blocks."""
-        return float(self.judged.sum())
+        """Loss by which rivals of as many parameters are ranked."""
+        return float(self.held_out.sum())
 
     @property
     def names(self) -> list[str]:
@@ -167,13 +161,10 @@ def scores(bench: Bench, rivals: Sequence[Rival]) -> Array:
     A difference that half of the jumps near the best rival would make is no evidence: fewer or more robots
     simulated near another would have changed it as much.
     """
-    totals = np.array([rival.evidence for rival in rivals])
-    best = rivals[int(np.argmin(totals))]
-    # Of trials alike, the jumps add up as chance does.
-    luck = LUCK * math.sqrt(bench.trials) * _luck(bench, best)
-    units = TEMPER * max(1.0, best.evidence / bench.rows_of_blocks.sum()) + luck
+    best = min(rivals, key=lambda rival: rival.evidence)
+    units = TEMPER * max(1.0, best.evidence / bench.rows_of_blocks.sum()) + LUCK * _luck(bench, best)
     priors = np.array([PRIOR_WEIGHT * r.log_prior + sum(_share(f) for f in r.fits) for r in rivals])
-    by_trial = np.array([bench.sums(rival.judged) for rival in rivals])
+    by_trial = np.array([bench.sums(rival.held_out) for rival in rivals])
     weights: Array = -0.5 * by_trial @ (1.0 / units) + priors
     return weights
 
