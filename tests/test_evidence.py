@@ -88,7 +88,8 @@ def test_a_trial_on_which_the_loss_jumps_takes_nothing_from_another():
     assert none == pytest.approx([0.0, 0.0], abs=1e-9)
     assert luck[0] == pytest.approx(0.0, abs=1e-9)
     assert luck[1] > 10.0 * evidence.TEMPER
-    assert jagged > 0.3 * calm > 0.0
+    by_all_luck = calm * evidence.TEMPER / (evidence.TEMPER + evidence.LUCK * luck[1])
+    assert jagged > 2.0 * by_all_luck > 0.0
 
 
 def rival(nominal, *changes):
