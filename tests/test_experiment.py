@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gaitopt.diagnose import experiment
-from gaitopt.diagnose.experiment import _Outlook, propose
+from gaitopt.diagnose.experiment import _Outlook, _rivals, propose
 from gaitopt.diagnose.predict import gait_key
 from gaitopt.optimise.executors import open_executor
 from gaitopt.problem import load_problem
@@ -73,6 +73,14 @@ def test_a_gait_is_proposed_that_was_not_measured(found, monkeypatch):
     assert one.separates == ["camera_scale", "pad_friction", "camera_tilt"]
     assert min(one.separation, one.before) > 0.0
     assert all({*pair} < {*one.separates} for pair in one.inseparable)
+
+
+def test_a_cause_that_stands_alone_is_put_to_the_test(found):
+    """The runner-up counts, though nothing is left of its probability."""
+    sure = SimpleNamespace(rivals=found.rivals, chances=np.array([1.0, 0.0, 0.0]))
+    rivals, chances = _rivals(sure)
+    assert [rival.names for rival in rivals] == [["camera_scale"], ["pad_friction"]]
+    assert chances == pytest.approx([1.0 / 1.01, 0.01 / 1.01])
 
 
 def test_one_effect_alone_needs_no_experiment(found):

@@ -154,7 +154,8 @@ def _rivals(found: Causes) -> tuple[list[Rival], Array]:
     likely = [i for i, chance in enumerate(chances) if chance >= _LEAST_CHANCE * chances[0]][:_RIVALS]
     other = [i for i, rival in enumerate(found.rivals) if rival.names != found.rivals[0].names][:1]
     chosen = sorted({*likely, *other})
-    return [found.rivals[i] for i in chosen], chances[chosen] / chances[chosen].sum()
+    weights = np.maximum(chances[chosen], _LEAST_CHANCE * chances[0])
+    return [found.rivals[i] for i in chosen], weights / weights.sum()
 
 
 def _inseparable(names: Sequence[str], outlooks: Sequence[_Outlook]) -> list[list[str]]:
