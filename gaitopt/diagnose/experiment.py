@@ -194,17 +194,17 @@ class _Outlook:
     @property
     def separation(self) -> float:
         """RMS difference of the first from those with other effects, in floors, by their probability."""
-        others = self._wrong[0] * self.chances
+        others = self._others[0] * self.chances
         return float(np.sqrt(others @ self.squares[0] / others.sum() / self.signals))
 
     @cached_property
     def wrong(self) -> float:
         """Expected share of the probability on wrong effects afterwards, a floor being a standard error."""
         after = np.array([probabilities(np.log(self.chances) - 0.5 * row) for row in self.squares])
-        return float(self.chances @ np.sum(after * self._wrong, axis=1))
+        return float(self.chances @ np.sum(after * self._others, axis=1))
 
     @property
-    def _wrong(self) -> Array:
+    def _others(self) -> Array:
         """1 for each rival, in columns, that has other effects than the one in the row."""
         names = np.array(self.names)
         other: Array = (names[:, None] != names[None, :]).astype(float)

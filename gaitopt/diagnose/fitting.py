@@ -177,10 +177,6 @@ class Bench:
         ends: Array = np.cumsum([len(view.counts) for view in self.views])[:-1]
         return ends
 
-    def by_trial(self, losses: Array) -> dict[int, float]:
-        """Return each trial's mean whitened square from the losses of the blocks, shape (blocks,)."""
-        return dict(enumerate((self.sums(losses) / self.sums(self.rows_of_blocks)).tolist()))
-
     def point(self, at: Sequence[float], trajectories: Sequence[Trajectory]) -> Point | None:
         """Return the trials beside some trajectories, whitened by their views; None where one failed."""
         compared = []
