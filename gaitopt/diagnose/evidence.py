@@ -10,7 +10,7 @@ count in multiples of what the best rival leaves, `TEMPER` times.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,11 +99,8 @@ def nothing(bench: Bench, nominal: Point) -> Rival:
 
 def single(fit: Fit) -> Rival:
     """Return the rival of one effect."""
-    bench, apart = fit.bench, fit.between("apart").copy()
-    for fold, weights in bench.left_out:
-        hidden = np.isin(bench.sample_blocks, fold)
-        apart[hidden] = fit.between("apart", weights)[hidden]
-    at = fit.best()
+    bench, at = fit.bench, fit.best()
+    apart = _unseen(bench, lambda weights: fit.between("apart", weights))
     prior = _heavy(fit.hypothesis.log_prior(at))
     held_out = _added(bench, fit.curve.losses)
     return Rival((fit,), (at,), fit.loss(), held_out, fit.between("whitened"), apart, prior)
@@ -113,15 +110,26 @@ def double(pair: PairFit) -> Rival:
     """Return the rival of two effects."""
     bench = pair.fits[0].bench
     point = pair.best()
-    apart = point.apart.copy()
-    for fold, weights in bench.left_out:
-        hidden = np.isin(bench.sample_blocks, fold)
-        apart[hidden] = pair.best(weights).apart[hidden]
+    apart = _unseen(bench, lambda weights: pair.best(weights).apart)
     at = tuple(point.at.tolist())
     prior = sum(_heavy(f.hypothesis.log_prior(a)) for f, a in zip(pair.fits, at, strict=True))
     seen = bench.losses(point.whitened, point.whitened)
     held_out = _added(bench, np.stack([bench.losses(p.whitened, p.whitened) for p in pair.points], axis=1))
     return Rival(pair.fits, at, seen, held_out, point.whitened, apart, prior, pair)
+
+
+def _unseen(bench: Bench, fitted: Callable[[Array | None], Array]) -> Array:
+    """Return each sample's residual by the fit that did not see its fold, m.
+
+    Args:
+        bench: the trials.
+        fitted: returns the residuals, m, of the fit to blocks so weighted, to all by default.
+    """
+    apart = fitted(None).copy()
+    for fold, weights in bench.left_out:
+        hidden = np.isin(bench.sample_blocks, fold)
+        apart[hidden] = fitted(weights)[hidden]
+    return apart
 
 
 def _added(bench: Bench, losses: Array) -> Array:
