@@ -127,6 +127,11 @@ def test_the_score_counts_what_it_says():
     assert any("top cause right: 50%" in sentence for sentence in sentences(record))
 
 
+def test_one_of_two_causes_is_no_tie():
+    record = score([case("single", ["a"], "explained", ["b", "a"], alike=1.0)])
+    assert (record["top_right"]["value"], record["truth_in_set"]["value"]) == (0.0, 1.0)
+
+
 def test_a_rate_of_nothing_is_nothing():
     assert rate([], lambda c: True) == {"value": None, "ci90": [None, None], "cases": 0}
 

@@ -63,8 +63,9 @@ class Case:
         return all(name in self.answer for name in self.planted)
 
     def _tied(self) -> bool:
+        """Whether the planted effect has the signature of the one cause named; of two, neither is a tie."""
         row = self.row(self.planted[0])
-        return row is not None and row["alike"] >= TIED
+        return len(self.diagnosis["causes"]) == 1 and row is not None and row["alike"] >= TIED
 
     def row(self, effect: str) -> Mapping[str, Any] | None:
         """Return what the diagnosis says of an effect."""
