@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 _PER_INTERVAL = 24
 """Points of the curve between two simulated ones."""
 
-ROUNDS = (22, 16, 12, 8, 6, 5, 4, 4, 3, 3)
+ROUNDS = (22, 16, 12, 8, 8, 8, 6, 6, 4, 4)
 """How many hypotheses are fitted further, round by round."""
 
 HOPELESS = (math.inf, 12.0, 6.0, 4.0)
