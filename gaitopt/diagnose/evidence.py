@@ -22,7 +22,7 @@ from gaitopt.diagnose.pairs import PairFit
 
 Array = NDArray[np.float64]
 
-TEMPER = 6.0
+TEMPER = 3.0
 """Whitened squares that count as one: what is left of a right model is alike from bin to bin."""
 
 LUCK = 0.5
