@@ -74,13 +74,13 @@ def _full() -> Plan:
     singles: list[Planned] = [("single", name) for name in names for _ in range(3)]
     outside: list[Planned] = [("outside", name) for name in sorted(OUTSIDE) for _ in range(5)]
     drawn: list[Planned] = [("none", None)] * 60 + [("pair", None)] * 15 + [("single", None)] * 12
-    return Plan(841, None, tuple(singles + outside + drawn))
+    return Plan(851, None, tuple(singles + outside + drawn))
 
 
 def _x_alone() -> Plan:
     """Forty cases of all kinds, then as many more as narrow the intervals of what x alone is asked for."""
     counts = [("single", 24), ("none", 8), ("outside", 4), ("pair", 4), ("none", 52), ("single", 16)]
-    return Plan(842, ("marker.x",), tuple((kind, None) for kind, count in counts for _ in range(count)))
+    return Plan(852, ("marker.x",), tuple((kind, None) for kind, count in counts for _ in range(count)))
 
 
 PLANS: dict[str, Callable[[], Plan]] = {"development": _development, "full": _full, "x-alone": _x_alone}
