@@ -35,7 +35,10 @@ _PER_INTERVAL = 24
 """Points of the curve between two simulated ones."""
 
 ROUNDS = (22, 16, 12, 8, 8, 8, 6, 6, 4, 4)
-"""How many hypotheses are fitted further, round by round."""
+"""How many hypotheses are fitted further, round by round.
+
+More than lead: what a narrow valley leaves is seen only when the robots beside it have closed in on it.
+"""
 
 HOPELESS = (math.inf, 12.0, 6.0, 4.0)
 """In each round, the last for good, a hypothesis that leaves so many times the least loss is given up."""
