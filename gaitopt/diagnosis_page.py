@@ -260,8 +260,8 @@ def _effects_table(content: Mapping[str, Any]) -> Table:
         rows=[_effect_row(row) for row in content["effects"][:_SHOWN_EFFECTS]],
         note="Gap removed: how much of the marker's gap above the floor goes, on trials that the fit did not "
         "see (more than 100 % is below the floor, less than 0 makes it worse). Error left: in the worst "
-        "trial; 1 for a right model. Alike: cosine between what the effect and the first one change; near 1 "
-        "these trials can hardly tell them apart.",
+        "trial; 1 for a right model. Alike: cosine between what the effect changes and what the answer's "
+        "does; near 1 these trials can hardly tell them apart.",
         mark_first=bool(content["causes"]),
         words=(2,),
     )

@@ -80,14 +80,17 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
     if found is None or not found.rivals:
         return []
     sentences = []
+    best = found.rivals[0].label
     for row in found.effects[:4]:
         parameter, figures = next(iter(row["parameters"].items()))
         low, high = figures["ci90"]
-        sentences.append(
+        text = (
             f"{row['name']} ({row['target']}): {row['probability']:.0%} probable, {parameter} = "
-            f"{figures['value']:.4g} ({low:.4g} to {high:.4g}); its signature and that of the first have a "
-            f"cosine of {row['alike']:.2f}."
+            f"{figures['value']:.4g} ({low:.4g} to {high:.4g})"
         )
+        if best not in (row["name"], f"{row['name']}.{row['target']}"):
+            text += f"; its signature and that of {best} have a cosine of {row['alike']:.2f}"
+        sentences.append(f"{text}.")
     sentences.append(f"Something outside the library is {found.other_probability:.0%} probable.")
     if found.uneven > UNEVEN:
         sentences.append(
