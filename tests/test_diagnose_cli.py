@@ -192,8 +192,10 @@ def test_an_interrupted_diagnosis_goes_on_to_the_same_bits(sloped, tmp_path, cap
     assert main(["diagnose", "arcfold", str(sloped), "--out", str(whole), *few]) == 0
     assert not list(whole.glob("simulated-*"))
     first, second = json.loads((whole / "diagnosis.json").read_text())["explanation"][:2]
-    assert first.startswith("ground_slope (all)") and "cosine" not in first
-    assert second.startswith("camera_tilt (all)") and "that of ground_slope have a cosine of" in second
+    assert first.startswith("ground_slope (all)")
+    assert "cosine" not in first
+    assert second.startswith("camera_tilt (all)")
+    assert "that of ground_slope have a cosine of" in second
     simulated = fitting.predictions
     count = itertools.count()
 
