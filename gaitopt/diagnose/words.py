@@ -77,10 +77,10 @@ def _before_after(gap: dict[str, Any]) -> str:
 def _ranking(diagnosis: Diagnosis) -> list[str]:
     """Return the most probable effects, why some cannot be told apart, and what to measure next."""
     found = diagnosis.found
-    if found is None or not found.rivals:
+    if found is None or found.best is None:
         return []
     sentences = []
-    best = found.rivals[0].label
+    best = found.best
     for row in found.effects[:4]:
         parameter, figures = next(iter(row["parameters"].items()))
         low, high = figures["ci90"]
@@ -88,8 +88,8 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
             f"{row['name']} ({row['target']}): {row['probability']:.0%} probable, {parameter} = "
             f"{figures['value']:.4g} ({low:.4g} to {high:.4g})"
         )
-        if best not in (row["name"], f"{row['name']}.{row['target']}"):
-            text += f"; its signature and that of {best} have a cosine of {row['alike']:.2f}"
+        if [row["name"]] != best.names:
+            text += f"; its signature and that of {best.label} have a cosine of {row['alike']:.2f}"
         sentences.append(f"{text}.")
     sentences.append(f"Something outside the library is {found.other_probability:.0%} probable.")
     if found.uneven > UNEVEN:
