@@ -88,7 +88,7 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
             f"{row['name']} ({row['target']}): {row['probability']:.0%} probable, {parameter} = "
             f"{figures['value']:.4g} ({low:.4g} to {high:.4g})"
         )
-        if [row["name"]] != best.names:
+        if row["name"] not in best.names:
             text += f"; its signature and that of {best.label} have a cosine of {row['alike']:.2f}"
         sentences.append(f"{text}.")
     sentences.append(f"Something outside the library is {found.other_probability:.0%} probable.")
