@@ -1,13 +1,16 @@
 """Pairs of effects: which are tried, how far they step, and what is learnt where a step failed."""
 
+from collections.abc import Callable
 from concurrent.futures import Executor
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
 from toyfits import toy_bench, toy_fit, toy_point
 
 from gaitopt.diagnose import pairs
-from gaitopt.diagnose.fitting import Fit
+from gaitopt.diagnose.fitting import Count, Fit
 from gaitopt.diagnose.pairs import PairFit
 
 ROWS = 40
@@ -46,8 +49,9 @@ def test_few_pairs_of_the_same_effects_are_kept() -> None:
     one = fit("one", FIRST, measured)
     tried = [pair_of(one, fit("two", SECOND, measured, t), (0.6, 0.3), measured) for t in "abcd"]
     tried.append(pair_of(one, fit("three", SECOND, measured), (0.1, 0.1), measured))
-    kept = pairs._kept(tried, 4)
+    kept = pairs._kept(tried, 4, ())
     assert [pair.names[1] for pair in kept].count("two") == 2
+    assert pairs._kept(tried, 4, kept) == []
     assert ["one", "three"] in [pair.names for pair in kept]
 
 
@@ -65,21 +69,69 @@ def test_a_step_goes_no_farther_than_it_may_and_less_far_after_one_that_failed()
     assert pair.farthest == pytest.approx(0.5 * np.abs(step).max())
 
 
-def test_of_uneven_cycles_only_the_measurement_may_be_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What repeats in every cycle makes none of them differ, but a clock that is fast does."""
+def test_what_adds_up_is_found_where_it_does_not_fit_alone() -> None:
+    """Each of two that nearly undo one another fits best alone where it does nothing."""
+    against = 0.3 * SECOND - FIRST
+    measured = FIRST + against
+    fits = [fit("one", FIRST, measured), fit("two", against, measured), fit("other", THIRD, measured)]
+    assert fits[0].best() < 0.2
+    one, two, at = pairs._promising(fits, toy_point([], measured))[0]
+    assert [one.hypothesis.name, two.hypothesis.name] == ["one", "two"]
+    assert at == pytest.approx([1.0, 1.0], abs=0.02)
+
+
+def test_few_sums_of_the_same_effects_are_tried() -> None:
     measured = 0.6 * FIRST + 0.4 * SECOND
-    fits = [fit("one", FIRST, measured), fit("two", SECOND, measured), fit("clock", THIRD, measured)]
-    for one in fits:
-        one.hypothesis.effect.observe = len if one.hypothesis.effect.name == "clock" else None
-    tried: list[list[str]] = []
+    same = [fit("two", SECOND, measured, target) for target in "abcd"]
+    fits = [fit("one", FIRST, measured), *same, fit("other", THIRD, measured)]
+    starts = pairs._promising(fits, toy_point([], measured))
+    names = [sorted(f.hypothesis.effect.name for f in start[:2]) for start in starts]
+    assert names[:2] == [["one", "two"]] * 2
+    assert sorted(map(tuple, names[2:])) == [("one", "other"), ("other", "two"), ("other", "two")]
 
-    def begun(starts, executor, count):  # type: ignore[no-untyped-def]
-        tried.append(sorted({fit.hypothesis.effect.name for start in starts for fit in start[:2]}))
-        assert not tried[1:] or all("clock" in [f.hypothesis.effect.name for f in s[:2]] for s in starts)
-        return []
 
-    monkeypatch.setattr(pairs, "_begun", begun)
-    for only in (False, True):
-        pairs.fit_pairs(fits, toy_point([], measured), Executor(), lambda *said: None, measured=only)
-    assert tried[0] == ["clock", "one", "two"]
-    assert "clock" in tried[1]
+def simulated_as_they_add(measured: np.ndarray) -> Callable[..., Any]:
+    """Stands in for the simulator: what two effects change adds up."""
+
+    def simulated(work, executor, count):  # type: ignore[no-untyped-def]
+        found = []
+        for pair, at in work:
+            changes = [pairs._line(f, float(a))[0] - measured for f, a in zip(pair.fits, at, strict=True)]
+            found.append((pair, toy_point(at, measured + changes[0] + changes[1])))
+        return found
+
+    return simulated
+
+
+def test_what_does_the_same_as_one_of_the_best_is_fitted_as_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A known pair and one that was not tried end where the best is; what differs is left out."""
+    measured = 0.6 * FIRST + 0.4 * SECOND
+    one, two = fit("one", FIRST, measured), fit("two", SECOND, measured)
+    twin, fresh = fit("twin", 0.8 * SECOND, measured), fit("fresh", 1.6 * FIRST, measured)
+    other = fit("other", THIRD, measured)
+    best = pair_of(one, two, (0.6, 0.4), measured)
+    behind = PairFit((twin, one), [toy_point((0.2, 0.2), 0.5 * measured)], -np.stack([SECOND, FIRST], axis=1))
+    monkeypatch.setattr(pairs, "_simulated", simulated_as_they_add(measured))
+    count = Count("", lambda *said: None)
+    tried = [best, behind]
+    new = pairs._beside(tried, [one, two, twin, fresh, other], toy_point([], measured), Executor(), count)
+    assert [pair.names for pair in new] == [["two", "fresh"]]
+    assert behind.best().at == pytest.approx([0.5, 0.6], abs=1e-6)
+    assert new[0].best().at == pytest.approx([0.4, 0.375], abs=1e-6)
+    assert np.abs(behind.best().whitened).max() < 1e-6
+
+
+def test_more_pairs_are_fitted_while_the_best_is_far_from_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    batches: list[int] = []
+    monkeypatch.setattr(pairs, "_improve", lambda batch, *rest: batches.append(len(batch)))
+    monkeypatch.setattr(pairs, "_simulated", lambda work, executor, count: [])
+    direction = {name: RNG.standard_normal(ROWS) for name in "abcdefgh"}
+    for size, most in ((0.1, 1), (100.0, pairs._BATCHES)):
+        measured = size * FIRST
+        fits = [fit(name, direction[name], measured) for name in direction]
+        begun = [pair_of(a, b, (0.5, 0.5), measured) for a, b in combinations(fits, 2)]
+        monkeypatch.setattr(pairs, "_begun", lambda starts, *rest, begun=begun: begun)
+        batches.clear()
+        kept = pairs._searched(fits, toy_point([], measured), Executor(), Count("", lambda *said: None))
+        assert batches == [pairs._PAIRS] * most
+        assert len({id(pair) for pair in kept}) == most * pairs._PAIRS

@@ -212,26 +212,22 @@ def find_causes(
     best = min(look.singles, key=lambda rival: rival.evidence)
     if evidence.left(look.bench, best) > _TRY_PAIRS:
         # By the first covariance: effects that do not explain the gap must not teach what explains it.
-        # Of uneven cycles only the measurement may be a part: a clock that is fast shifts each of them more.
-        found = _of_two(wide, uneven > UNEVEN, executor, seed, note)
+        found = _of_two(wide, executor, seed, note)
         if found and (uneven_two := unevenness(ready, floors, found[1].points)) <= UNEVEN:
             look, drawn, uneven = *found, uneven_two
     return _concluded(look, drawn, uneven, floor_m, before <= FAINT_GAP, seed)
 
 
-def _of_two(
-    wide: Look, measured: bool, executor: Executor, seed: int, note: Note
-) -> tuple[Look, Drawn] | None:
+def _of_two(wide: Look, executor: Executor, seed: int, note: Note) -> tuple[Look, Drawn] | None:
     """Return the rivals of two effects and robots drawn about the first, if two are needed and shown.
 
     Args:
         wide: every rival of one effect.
-        measured: whether one of the two must be an effect on the measurement.
         executor: where robots are simulated.
         seed: seed of the draws.
         note: called as it goes.
     """
-    pairs = tuple(fit_pairs(wide.fits, wide.nominal, executor, note, measured))
+    pairs = tuple(fit_pairs(wide.fits, wide.nominal, executor, note))
     if not pairs:
         return None
     two = replace(wide, pairs=pairs).closer(executor, seed, note)

@@ -1,9 +1,11 @@
 """Fits of two effects together.
 
-Which two is found in three ways: by adding up what each changes alone; by simulating every effect on top of
-the best one, since with that the others may do something else than without; and by putting effects of like
-signature in the place of either of the best two. The most promising pairs are fitted by Gauss and Newton,
-with slopes measured where the pair is.
+Which two is found in three ways: by adding up what each changes alone, at every size simulated; by simulating
+every effect on top of the best one, since with that the others may do something else than without; and by
+putting effects of like signature in the place of either of the best two. The most promising pairs are fitted
+by Gauss and Newton, with slopes measured where the pair is, and more of them while none comes near to what a
+right one leaves. What does the same as one of the best pair is fitted from there in the end, so that a set
+says what these trials cannot tell apart.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +22,16 @@ from gaitopt.diagnose.fitting import ALIKE, Bench, Count, Fit, Note, Point, simu
 
 Array = NDArray[np.float64]
 
-_FIRSTS = 8
+_REFINED = 300
+_TURNS = 3
+_SUMS = 16
+"""How many sums are moved to where they are least, how often, and how many of these are simulated."""
+
 _PAIRS = 8
+_BATCHES = 3
+_RIGHT = 2.0
+"""How many pairs are fitted at a time, and how often while the best leaves so many times what is right."""
+
 _ROUNDS = ((8, False), (4, True), (4, False), (3, True), (3, False), (2, False))
 """How many pairs are fitted further, round by round, and whether their slopes are measured anew before."""
 
@@ -30,6 +41,10 @@ _TARGETS = 2
 _TWINS = 8
 _TWIN_ROUNDS = ((4, False), (3, True), (3, False), (2, True), (2, False))
 """How many effects are tried in the place of one of the best two, and the rounds of these pairs."""
+
+_SUBSTITUTES = 4
+_BESIDE_ROUNDS = ((4, True), (4, False), (4, True), (4, False))
+"""How many are fitted again from where the best pair is, and the rounds of these."""
 
 _PROBES = 2
 _PROBED = 0.15
@@ -49,7 +64,7 @@ Start = tuple[Fit, Fit, Array]
 """Two fits, and the coordinates at which they are tried together."""
 
 
-@dataclass
+@dataclass(eq=False)
 class PairFit:
     """Two hypotheses together.
 
@@ -111,9 +126,7 @@ class PairFit:
         return np.array([(fit.hypothesis.low, fit.hypothesis.high)[side] for fit in self.fits])
 
 
-def fit_pairs(
-    fits: Sequence[Fit], nominal: Point, executor: Executor, note: Note, measured: bool = False
-) -> list[PairFit]:
+def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Note) -> list[PairFit]:
     """Fit the pairs that look best.
 
     Args:
@@ -121,31 +134,41 @@ def fit_pairs(
         nominal: the trials beside the nominal robot.
         executor: where robots are simulated.
         note: called as it goes.
-        measured: whether one of the two must be an effect on the measurement, not on the robot.
     """
     count = Count("fitting pairs of effects", note)
-    starts = [s for s in _starts(fits, nominal) if not measured or s[0].observed or s[1].observed]
-    pairs = _kept(_begun(starts, executor, count), _PAIRS)
-    _improve(pairs, _ROUNDS, executor, count)
+    pairs = _searched(fits, nominal, executor, count)
     if pairs:
         best = min(pairs, key=_least)
-        starts = [] if measured else _twins(best, fits, nominal, _near(pairs))
-        twins = _kept(_begun(starts, executor, count), _PAIRS)
+        twins = _kept(_begun(_twins(best, fits, nominal, _near(pairs)), executor, count), _PAIRS, ())
         _improve(twins, _TWIN_ROUNDS, executor, count)
         pairs += twins
     for _ in range(_PROBES):
         _probe(sorted(pairs, key=_least)[: _PROBED_ROUNDS[0][0]], executor, count)
         _improve(pairs, _PROBED_ROUNDS, executor, count)
+    if pairs:
+        pairs += _beside(pairs, fits, nominal, executor, count)
     _leave_out(pairs, executor, count)
     return pairs
 
 
-def _kept(pairs: Sequence[PairFit], most: int) -> list[PairFit]:
-    """Return the most promising pairs, few of the same effects on other targets."""
+def _searched(fits: Sequence[Fit], nominal: Point, executor: Executor, count: Count) -> list[PairFit]:
+    """Fit the most promising pairs, and as many more while what the best leaves is far from right."""
+    begun, pairs = _begun(_starts(fits, nominal), executor, count), list[PairFit]()
+    for _ in range(_BATCHES):
+        batch = _kept(begun, _PAIRS, pairs)
+        _improve(batch, _ROUNDS, executor, count)
+        pairs += batch
+        if not batch or min(map(_least, pairs)) <= _RIGHT * len(nominal.whitened):
+            break
+    return pairs
+
+
+def _kept(pairs: Sequence[PairFit], most: int, before: Sequence[PairFit]) -> list[PairFit]:
+    """Return the most promising pairs not kept before, few of the same effects on other targets."""
     kept: list[PairFit] = []
     for pair in sorted(pairs, key=_promised):
-        alike = sum(set(other.names) == set(pair.names) for other in kept)
-        if alike < _TARGETS and len(kept) < most:
+        alike = sum(set(other.names) == set(pair.names) for other in (*before, *kept))
+        if alike < _TARGETS and len(kept) < most and pair not in before:
             kept.append(pair)
     return kept
 
@@ -196,6 +219,44 @@ def _twins(pair: PairFit, fits: Sequence[Fit], nominal: Point, near: Sequence[Pa
                 found.append((least, (stays, fit, np.array([at, other]))))
     found.sort(key=lambda entry: entry[0])
     return [start for _, start in found[:_TWINS]]
+
+
+def _beside(
+    pairs: Sequence[PairFit], fits: Sequence[Fit], nominal: Point, executor: Executor, count: Count
+) -> list[PairFit]:
+    """Fit what does the same as one of the best pair from where that pair is; return the pairs that are new.
+
+    So two valleys of like shape are compared at their floors, not the floor of one with a slope of the other.
+    """
+    known = {frozenset(fit.hypothesis.name for fit in pair.fits): pair for pair in pairs}
+    work = []
+    for one, other, at in _substitutes(min(pairs, key=_least), fits, nominal):
+        new = PairFit((one, other), [], np.zeros((len(nominal.whitened), 2)))
+        pair = known.get(frozenset((one.hypothesis.name, other.hypothesis.name)), new)
+        work.append((pair, at if pair.fits[0] is one else at[::-1]))
+    begun = _simulated(work, executor, count)
+    for pair, point in begun:
+        pair.points.append(point)
+    found = [pair for pair, _ in begun]
+    _improve(found, _BESIDE_ROUNDS, executor, count)
+    return [pair for pair in found if pair not in pairs]
+
+
+def _substitutes(pair: PairFit, fits: Sequence[Fit], nominal: Point) -> list[Start]:
+    """Return the effects that come near to what one of a pair does where it is, beside the other."""
+    found: list[tuple[float, Start]] = []
+    for index, one in enumerate(pair.fits):
+        stays, at = pair.fits[1 - index], pair.best().at
+        if len(one.points) < 2:
+            continue
+        change = _line(one, float(at[index]))[0] - nominal.whitened
+        for fit in fits:
+            apart, there = _least_added(-change, fit, nominal)
+            same = fit.hypothesis.effect.name in pair.names
+            if not same and apart <= (1.0 - ALIKE**2) * float(change @ change):
+                found.append((apart, (stays, fit, np.array([at[1 - index], there]))))
+    found.sort(key=lambda entry: entry[0])
+    return [start for _, start in found[:_SUBSTITUTES]]
 
 
 def _line(fit: Fit, at: float) -> tuple[Array, Array]:
@@ -310,21 +371,51 @@ def _leave_out(pairs: Sequence[PairFit], executor: Executor, count: Count) -> No
 
 
 def _promising(fits: Sequence[Fit], nominal: Point) -> list[Start]:
-    """Return the best sums of two changes: both fits and the coordinates."""
-    ordered = sorted(fits, key=lambda fit: float(fit.loss().sum()))[: 2 * _FIRSTS]
-    found: dict[tuple[str, str], tuple[float, Fit, Fit, Array]] = {}
-    for first in ordered[:_FIRSTS]:
-        remaining = first.between("whitened")
-        for second in fits:
-            if second.hypothesis.effect.name == first.hypothesis.effect.name:
-                continue
-            least, at = _least_added(remaining, second, nominal)
-            names = sorted((first.hypothesis.name, second.hypothesis.name))
-            key = (names[0], names[1])
-            if key not in found or least < found[key][0]:
-                found[key] = (least, first, second, np.array([first.best(), at]))
-    best = sorted(found.values(), key=lambda entry: entry[0])[:_PAIRS]
-    return [(one, other, at) for _, one, other, at in best]
+    """Return the best sums of two changes, few of the same effects: both fits and the coordinates.
+
+    Each set that was simulated of one effect is added to each of another, not only those that fit best alone:
+    beside another effect the best may be elsewhere.
+    """
+    tried = [fit for fit in fits if len(fit.points) > 1]
+    sums = sorted(_sums(tried, nominal), key=lambda entry: entry[0])[:_REFINED]
+    found = [_refined(start, nominal) for _, start in sums]
+    found.sort(key=lambda entry: entry[0])
+    kept: list[Start] = []
+    for _, start in found:
+        alike = sum(_effects(other) == _effects(start) for other in kept)
+        if alike < _TARGETS and len(kept) < _SUMS:
+            kept.append(start)
+    return kept
+
+
+def _sums(fits: Sequence[Fit], nominal: Point) -> list[tuple[float, Start]]:
+    """Return, for each two effects, the least loss of a sum of sets that were simulated, and the sets."""
+    changes = np.stack([point.whitened - nominal.whitened for fit in fits for point in fit.points])
+    products = changes @ changes.T
+    alone = np.diag(products) + 2.0 * changes @ nominal.whitened
+    losses = float(nominal.whitened @ nominal.whitened) + alone[:, None] + alone + 2.0 * products
+    ends = np.cumsum([0, *(len(fit.points) for fit in fits)])
+    found = []
+    for (i, one), (j, other) in combinations(enumerate(fits), 2):
+        if one.hypothesis.effect.name != other.hypothesis.effect.name:
+            block = losses[ends[i] : ends[i + 1], ends[j] : ends[j + 1]]
+            least = np.unravel_index(int(np.argmin(block)), block.shape)
+            at = [float(fit.points[k].at[0]) for fit, k in zip((one, other), least, strict=True)]
+            found.append((float(block[least]), (one, other, np.array(at))))
+    return found
+
+
+def _refined(start: Start, nominal: Point) -> tuple[float, Start]:
+    """Return the loss of a sum, and its coordinates, each in turn moved to where the sum is least."""
+    one, other, (here, there) = start
+    for _ in range(_TURNS):
+        _, there = _least_added(_line(one, here)[0], other, nominal)
+        least, here = _least_added(_line(other, there)[0], one, nominal)
+    return least, (one, other, np.array([here, there]))
+
+
+def _effects(start: Start) -> frozenset[str]:
+    return frozenset(fit.hypothesis.effect.name for fit in start[:2])
 
 
 def _least_added(remaining: Array, fit: Fit, nominal: Point) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
     python tests/benchmarks/blind_record.py development --work /tmp/blind --out /tmp/blind --seed 900
     python tests/benchmarks/blind_record.py full --work /tmp/blind-full --out results/blind
+    python tests/benchmarks/blind_record.py pairs --work /tmp/blind-pairs --out results/blind
     python tests/benchmarks/blind_record.py x-alone --work /tmp/blind-x --out results/blind
 
 OUT/PLAN.jsonl has one line for each case that is done, all that the record needs to go on elsewhere. Cases
@@ -77,13 +78,24 @@ def _full() -> Plan:
     return Plan(851, None, tuple(singles + outside + drawn))
 
 
+def _pairs() -> Plan:
+    """Pairs, and what no pair should explain."""
+    outside: list[Planned] = [("outside", name) for name in sorted(OUTSIDE) for _ in range(5)]
+    return Plan(861, None, tuple([("pair", None)] * 30 + outside))
+
+
 def _x_alone() -> Plan:
     """Forty cases of all kinds, then as many more as narrow the intervals of what x alone is asked for."""
     counts = [("single", 24), ("none", 8), ("outside", 4), ("pair", 4), ("none", 52), ("single", 16)]
     return Plan(852, ("marker.x",), tuple((kind, None) for kind, count in counts for _ in range(count)))
 
 
-PLANS: dict[str, Callable[[], Plan]] = {"development": _development, "full": _full, "x-alone": _x_alone}
+PLANS: dict[str, Callable[[], Plan]] = {
+    "development": _development,
+    "full": _full,
+    "pairs": _pairs,
+    "x-alone": _x_alone,
+}
 
 
 def main() -> None:
