@@ -73,15 +73,17 @@ def _full() -> Plan:
     """
     names = sorted(set(EFFECTS) - set(RECORD_DEFECTS))
     singles: list[Planned] = [("single", name) for name in names for _ in range(3)]
-    outside: list[Planned] = [("outside", name) for name in sorted(OUTSIDE) for _ in range(5)]
     drawn: list[Planned] = [("none", None)] * 60 + [("pair", None)] * 15 + [("single", None)] * 12
-    return Plan(851, None, tuple(singles + outside + drawn))
+    return Plan(851, None, tuple(singles + _outside() + drawn))
+
+
+def _outside() -> list[Planned]:
+    return [("outside", name) for name in sorted(OUTSIDE) for _ in range(5)]
 
 
 def _pairs() -> Plan:
     """Pairs, and what no pair should explain."""
-    outside: list[Planned] = [("outside", name) for name in sorted(OUTSIDE) for _ in range(5)]
-    return Plan(862, None, tuple([("pair", None)] * 30 + outside))
+    return Plan(862, None, tuple([("pair", None)] * 30 + _outside()))
 
 
 def _x_alone() -> Plan:
