@@ -90,6 +90,15 @@ def test_few_sums_of_the_same_effects_are_tried() -> None:
     assert sorted(map(tuple, names[2:])) == [("one", "other"), ("other", "two"), ("other", "two")]
 
 
+def test_no_pair_is_begun_twice() -> None:
+    """Whichever of the two fits best alone."""
+    measured = 0.4 * FIRST + 0.6 * SECOND
+    fits = [fit("one", FIRST, measured), fit("two", SECOND, measured), fit("other", THIRD, measured)]
+    starts = pairs._starts(fits, toy_point([], measured))
+    begun = [frozenset((one.hypothesis.name, other.hypothesis.name)) for one, other, _ in starts]
+    assert len(begun) == len(set(begun)) == 3
+
+
 def simulated_as_they_add(measured: np.ndarray) -> Callable[..., Any]:
     """Stands in for the simulator: what two effects change adds up."""
 

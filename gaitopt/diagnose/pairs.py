@@ -10,6 +10,7 @@ says what these trials cannot tell apart.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -137,16 +138,16 @@ def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Not
     """
     count = Count("fitting pairs of effects", note)
     pairs = _searched(fits, nominal, executor, count)
-    if pairs:
-        best = min(pairs, key=_least)
-        twins = _kept(_begun(_twins(best, fits, nominal, _near(pairs)), executor, count), _PAIRS, ())
-        _improve(twins, _TWIN_ROUNDS, executor, count)
-        pairs += twins
+    if not pairs:
+        return pairs
+    best = min(pairs, key=_least)
+    twins = _kept(_begun(_twins(best, fits, nominal, _near(pairs)), executor, count), _PAIRS)
+    _improve(twins, _TWIN_ROUNDS, executor, count)
+    pairs += twins
     for _ in range(_PROBES):
         _probe(sorted(pairs, key=_least)[: _PROBED_ROUNDS[0][0]], executor, count)
         _improve(pairs, _PROBED_ROUNDS, executor, count)
-    if pairs:
-        pairs += _beside(pairs, fits, nominal, executor, count)
+    pairs += _beside(pairs, fits, nominal, executor, count)
     _leave_out(pairs, executor, count)
     return pairs
 
@@ -163,14 +164,32 @@ def _searched(fits: Sequence[Fit], nominal: Point, executor: Executor, count: Co
     return pairs
 
 
-def _kept(pairs: Sequence[PairFit], most: int, before: Sequence[PairFit]) -> list[PairFit]:
+def _kept(pairs: Sequence[PairFit], most: int, before: Sequence[PairFit] = ()) -> list[PairFit]:
     """Return the most promising pairs not kept before, few of the same effects on other targets."""
-    kept: list[PairFit] = []
-    for pair in sorted(pairs, key=_promised):
-        alike = sum(set(other.names) == set(pair.names) for other in (*before, *kept))
-        if alike < _TARGETS and len(kept) < most and pair not in before:
-            kept.append(pair)
-    return kept
+    ordered = [pair for pair in sorted(pairs, key=_promised) if pair not in before]
+    chosen = _few_alike([pair.fits for pair in ordered], most, [pair.fits for pair in before])
+    return [ordered[i] for i in chosen]
+
+
+def _few_alike(
+    pairs: Sequence[tuple[Fit, Fit]], most: int, before: Sequence[tuple[Fit, Fit]] = ()
+) -> list[int]:
+    """Return which pairs come first, at most `_TARGETS` of the same effects, those before counted in."""
+    alike = Counter(_effects(pair) for pair in before)
+    chosen: list[int] = []
+    for index, pair in enumerate(pairs):
+        if alike[_effects(pair)] < _TARGETS and len(chosen) < most:
+            alike[_effects(pair)] += 1
+            chosen.append(index)
+    return chosen
+
+
+def _effects(pair: tuple[Fit, Fit]) -> frozenset[str]:
+    return frozenset(fit.hypothesis.effect.name for fit in pair)
+
+
+def _hypotheses(pair: tuple[Fit, Fit]) -> frozenset[str]:
+    return frozenset(fit.hypothesis.name for fit in pair)
 
 
 def _improve(
@@ -188,13 +207,10 @@ def _improve(
 
 def _starts(fits: Sequence[Fit], nominal: Point) -> list[Start]:
     """Return the sums that look best, and every other effect on top of the best one."""
-    found = {
-        (one.hypothesis.name, other.hypothesis.name): (one, other, at)
-        for one, other, at in _promising(fits, nominal)
-    }
+    found = {_hypotheses((one, other)): (one, other, at) for one, other, at in _promising(fits, nominal)}
     best = min(fits, key=lambda fit: float(fit.loss().sum()))
     for fit in fits:
-        names = (best.hypothesis.name, fit.hypothesis.name)
+        names = _hypotheses((best, fit))
         if fit.hypothesis.effect.name != best.hypothesis.effect.name and names not in found:
             _, at = _least_added(best.between("whitened"), fit, nominal)
             found[names] = (best, fit, np.array([best.best(), at]))
@@ -203,7 +219,7 @@ def _starts(fits: Sequence[Fit], nominal: Point) -> list[Start]:
 
 def _twins(pair: PairFit, fits: Sequence[Fit], nominal: Point, near: Sequence[PairFit]) -> list[Start]:
     """Return each effect that does much the same as one of a pair, beside the other, if not near yet."""
-    known = {frozenset(fit.hypothesis.name for fit in other.fits) for other in near}
+    known = {_hypotheses(other.fits) for other in near}
     found: list[tuple[float, Start]] = []
     for index, one in enumerate(pair.fits):
         stays = pair.fits[1 - index]
@@ -212,9 +228,8 @@ def _twins(pair: PairFit, fits: Sequence[Fit], nominal: Point, near: Sequence[Pa
             continue
         remaining, _ = _line(stays, at)
         for fit in fits:
-            names = frozenset((stays.hypothesis.name, fit.hypothesis.name))
             same = fit.hypothesis.effect.name in pair.names
-            if not same and names not in known and one.alike(fit) >= ALIKE:
+            if not same and _hypotheses((stays, fit)) not in known and one.alike(fit) >= ALIKE:
                 least, other = _least_added(remaining, fit, nominal)
                 found.append((least, (stays, fit, np.array([at, other]))))
     found.sort(key=lambda entry: entry[0])
@@ -228,11 +243,11 @@ def _beside(
 
     So two valleys of like shape are compared at their floors, not the floor of one with a slope of the other.
     """
-    known = {frozenset(fit.hypothesis.name for fit in pair.fits): pair for pair in pairs}
+    known = {_hypotheses(pair.fits): pair for pair in pairs}
     work = []
     for one, other, at in _substitutes(min(pairs, key=_least), fits, nominal):
         new = PairFit((one, other), [], np.zeros((len(nominal.whitened), 2)))
-        pair = known.get(frozenset((one.hypothesis.name, other.hypothesis.name)), new)
+        pair = known.get(_hypotheses((one, other)), new)
         work.append((pair, at if pair.fits[0] is one else at[::-1]))
     begun = _simulated(work, executor, count)
     for pair, point in begun:
@@ -380,12 +395,8 @@ def _promising(fits: Sequence[Fit], nominal: Point) -> list[Start]:
     sums = sorted(_sums(tried, nominal), key=lambda entry: entry[0])[:_REFINED]
     found = [_refined(start, nominal) for _, start in sums]
     found.sort(key=lambda entry: entry[0])
-    kept: list[Start] = []
-    for _, start in found:
-        alike = sum(_effects(other) == _effects(start) for other in kept)
-        if alike < _TARGETS and len(kept) < _SUMS:
-            kept.append(start)
-    return kept
+    starts = [start for _, start in found]
+    return [starts[i] for i in _few_alike([(one, other) for one, other, _ in starts], _SUMS)]
 
 
 def _sums(fits: Sequence[Fit], nominal: Point) -> list[tuple[float, Start]]:
@@ -412,10 +423,6 @@ def _refined(start: Start, nominal: Point) -> tuple[float, Start]:
         _, there = _least_added(_line(one, here)[0], other, nominal)
         least, here = _least_added(_line(other, there)[0], one, nominal)
     return least, (one, other, np.array([here, there]))
-
-
-def _effects(start: Start) -> frozenset[str]:
-    return frozenset(fit.hypothesis.effect.name for fit in start[:2])
 
 
 def _least_added(remaining: Array, fit: Fit, nominal: Point) -> tuple[float, float]:
