@@ -185,7 +185,7 @@ class Simulator:
 
     def observe(self, trajectory: Trajectory, seed: int = 0) -> Trajectory:
         """Return a trajectory as it would be measured: with the effects of camera, tracker and clock."""
-        return self.effects.observe(trajectory, np.random.default_rng(seed))
+        return self.effects.observe(trajectory, self.models[0], np.random.default_rng(seed))
 
     def _simulate(
         self, time: NDArray[np.float64], sent: Commands, scenario: int, poses: bool = False
@@ -199,7 +199,7 @@ class Simulator:
         if self.scenarios[scenario].start_pose_rad:
             _disturb(batch, self.scenarios[scenario], self.problem)
         commands = sent(time)
-        arriving = self.effects.commands(sent, self.fidelity.timestep_s)
+        arriving = self.effects.commands(sent, model)
         ctrl = commands if arriving is sent else arriving(time)
         if model.nu > ctrl.shape[1]:
             ctrl = ctrl[:, control_columns(model, self.problem.channel_names)]
@@ -330,7 +330,7 @@ def draw_scenarios(problem: Problem, count: int, seed: Iterable[int]) -> tuple[S
 def _start_at_rest(model: mujoco.MjModel, problem: Problem, effects: Active) -> None:
     """Put the keyframe ``start`` where the robot with effects rests under the targets held before a gait."""
     held = start_targets(problem)
-    arriving = effects.commands(lambda time: np.tile(held, (len(time), 1)), model.opt.timestep)
+    arriving = effects.commands(lambda time: np.tile(held, (len(time), 1)), model)
     ctrl = arriving(np.zeros(1))[0, control_columns(model, problem.channel_names)]
     model.key_ctrl[0] = ctrl
     if problem.file.start.settle:

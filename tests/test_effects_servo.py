@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rigs
+from scipy.optimize import least_squares
 
 from gaitopt.model import Robot
 from gaitopt.problem import Problem
@@ -136,10 +137,50 @@ def test_a_latency_of_50_ms_shows_at_50_ms(rig: rigs.Make, name: str) -> None:
     assert np.ptp(late["joint.elbow"][:51]) == 0.0
 
 
-def test_a_latency_between_two_steps_is_their_blend(rig: rigs.Make) -> None:
-    simulator = Simulator.build(rig().with_effects({"command_latency": {"delay_s": 0.0025}}))
-    arriving = simulator.effects.commands(lambda t: np.maximum(t, 0.0)[:, None], 1e-3)
-    assert arriving(np.array([0.1, 0.2]))[:, 0] == pytest.approx([0.0975, 0.1975], abs=1e-12)
+@pytest.mark.parametrize("gait", ["square-2s", "square-1s"])
+@pytest.mark.parametrize("other", [{}, {"servo_speed_limit": {"limit_rad_s": 6.0}}])
+def test_a_latency_is_a_late_motion_by_any_time(arcfold: Problem, gait: str, other: dict) -> None:
+    """Square waves saturate a servo, so that it answers to a part of a jump as to the whole of it."""
+    walk = arcfold.baselines[gait]
+    prompt = Simulator.build(arcfold.with_effects(other)).run(walk, duration=1.5)
+    for delay in (0.0102, 0.0107):
+        effects = other | {"command_latency": {"delay_s": delay}}
+        simulator = Simulator.build(arcfold.with_effects(effects))
+        seen = simulator.observe(simulator.run(walk, duration=1.5))
+        for signal in ("position.mid_act", "marker.x"):
+            shifted = np.interp(seen.time - delay, prompt.time, prompt[signal])
+            assert seen[signal] == pytest.approx(shifted, abs=1e-6)
+        assert np.array_equal(seen["target.mid_act"], prompt["target.mid_act"]), "what is sent stays"
+
+
+@pytest.mark.parametrize("other", [{}, {"servo_speed_limit": {"limit_rad_s": 6.0}}])
+def test_one_late_servo_at_rest_is_late_by_any_time(arcfold: Problem, other: dict) -> None:
+    """Each tenth of a millisecond shows, by as much: the joint's turn begins at rest."""
+    walk = arcfold.baselines["square-2s"]
+
+    def late(delay: float) -> Trajectory:
+        effects = other | {"channel_timing": {"delay_s": delay, "target": "mid_act"}}
+        return Simulator.build(arcfold.with_effects(effects)).run(walk, duration=0.6)
+
+    early, time = late(0.010)["position.mid_act"], late(0.010).time
+    for rest in (0.2e-3, 0.5e-3, 0.8e-3):
+        turned = late(0.010 + rest)["position.mid_act"]
+        found = least_squares(lambda s, at=turned: np.interp(time - s, time, early) - at, 0.0, x_scale=1e-3)
+        assert found.x[0] == pytest.approx(rest, abs=0.06e-3)
+
+
+def test_a_channel_s_timing_between_two_steps_is_their_blend(strider: Problem) -> None:
+    effects = {"channel_timing": {"delay_s": 0.0025, "target": "front"}}
+    simulator = Simulator.build(strider.with_effects(effects))
+    slow = simulator.effects.commands(lambda t: np.tile(0.1 * t[:, None], 2), simulator.models[0])
+    step = simulator.fidelity.timestep_s
+    assert slow(np.array([0.1, 0.2]))[:, 1] == pytest.approx([0.00975, 0.01975], abs=1e-12)
+    jump = simulator.effects.commands(lambda t: np.tile((t >= 0.0)[:, None] * 1.0, 2), simulator.models[0])
+    model = simulator.models[0]
+    saturates = model.actuator_forcerange[1, 1] / model.actuator_gainprm[1, 0]
+    share = 1.0 - (0.0025 / step) % 1.0
+    at_jump = jump(np.array([math.floor(0.0025 / step) * step]))
+    assert at_jump[0, 1] == pytest.approx(share * saturates), "no more than the servo answers to"
 
 
 def test_channel_timing_moves_one_channel_early_or_late(strider: Problem) -> None:
@@ -148,7 +189,7 @@ def test_channel_timing_moves_one_channel_early_or_late(strider: Problem) -> Non
         effects = {"channel_timing": {"delay_s": delay, "target": "front"}}
         simulator = Simulator.build(strider.with_effects(effects))
         time = np.arange(100, 400) * simulator.fidelity.timestep_s
-        arriving = simulator.effects.commands(gait.targets, simulator.fidelity.timestep_s)(time)
+        arriving = simulator.effects.commands(gait.targets, simulator.models[0])(time)
         assert arriving[:, 0] == pytest.approx(gait.targets(time)[:, 0], abs=1e-15)
         assert arriving[:, 1] == pytest.approx(gait.targets(time - delay)[:, 1], abs=1e-9)
 

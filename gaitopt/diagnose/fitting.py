@@ -255,8 +255,8 @@ def simulate(
         problem = bench.problem.with_effects(effects)
         if observed_only:
             active = replace(bench.simulator.effects, settings=problem.effects)
-            rng = np.random.default_rng(0)
-            point = bench.point(at, [active.observe(t, rng) for t in bench.nominal])
+            model, rng = bench.simulator.models[0], np.random.default_rng(0)
+            point = bench.point(at, [active.observe(t, model, rng) for t in bench.nominal])
             return None if point is None else bench.seen(point, bench.first)
         name = repr(sorted((effect, sorted(values.items())) for effect, values in effects.items()))
         return film(bench, Simulator.build(problem, fidelity=bench.simulator.fidelity), name, at)
@@ -352,7 +352,7 @@ class Fit:
     @property
     def observed(self) -> bool:
         """Whether the effect changes the measurement, not the robot."""
-        return self.hypothesis.effect.observe is not None
+        return not self.hypothesis.effect.changes_robot
 
     @property
     def curve(self) -> Curve:

@@ -71,7 +71,7 @@ class Hypothesis:
     @property
     def screened(self) -> list[float]:
         """Coordinates at which the hypothesis is tried first, in order."""
-        shares = _SCREENED if self.effect.observe is None else _OBSERVED
+        shares = _SCREENED if self.effect.changes_robot else _OBSERVED
         return sorted(self.neutral + s * (bound - self.neutral) for bound in self.sides for s in shares)
 
     @property

@@ -5,11 +5,11 @@ from gaitopt.effects.effect import Effect
 
 _IN_ORDER = (
     servo.SERVO_TORQUE_LIMIT,
-    servo.COMMAND_LATENCY,
-    servo.CHANNEL_TIMING,
     servo.SERVO_TRAVEL,
     servo.SERVO_TRIM,
     servo.SERVO_SPEED_LIMIT,
+    servo.COMMAND_LATENCY,
+    servo.CHANNEL_TIMING,
     servo.SERVO_GAIN,
     servo.SERVO_DAMPING,
     servo.SERVO_INERTIA,

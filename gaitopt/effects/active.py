@@ -137,7 +137,7 @@ class Active:
     @property
     def changes_robot(self) -> bool:
         """Whether any effect changes the robot or its commands, not the measurement alone."""
-        return any(s.effect.observe is None for s in self.settings)
+        return any(s.effect.changes_robot for s in self.settings)
 
     @property
     def loops(self) -> bool:
@@ -148,19 +148,20 @@ class Active:
         """Return what is to be called while `model`, which nothing else uses, runs."""
         return [s.effect.loop(self._parts(s, model), s.value) for s in self.settings if s.effect.loop]
 
-    def commands(self, sent: Commands, step_s: float) -> Commands:
-        """Return what arrives at the servos of what is `sent`, on a clock of steps of `step_s`."""
+    def commands(self, sent: Commands, model: mujoco.MjModel) -> Commands:
+        """Return what arrives at the servos of what is `sent`, on the clock of the edited `model`."""
         for setting in self.settings:
             if setting.effect.commands is not None:
-                servos = self._parts(setting).servos
-                sent = setting.effect.commands(sent, setting.value, servos, step_s)
+                parts = self._parts(setting, model)
+                sent = setting.effect.commands(sent, setting.value, parts, model.opt.timestep)
         return sent
 
-    def observe(self, trajectory: Trajectory, rng: np.random.Generator) -> Trajectory:
-        """Return a trajectory as camera, tracker and clock give it."""
+    def observe(self, trajectory: Trajectory, model: mujoco.MjModel, rng: np.random.Generator) -> Trajectory:
+        """Return a trajectory of the edited `model` as camera, tracker and clock give it."""
         for setting in self.settings:
             if setting.effect.observe is not None:
-                trajectory = setting.effect.observe(trajectory, setting.value, self._parts(setting), rng)
+                parts = self._parts(setting, model)
+                trajectory = setting.effect.observe(trajectory, setting.value, parts, rng)
         return trajectory
 
 

@@ -208,9 +208,15 @@ class Effect:
     missing: Callable[[Parts], str | None] = lambda parts: None
     structure: Callable[[mujoco.MjSpec, Parts, float], None] | None = None
     model: Callable[[Parts, float, float], None] | None = None
-    commands: Callable[[Commands, float, list[int], float], Commands] | None = None
+    commands: Callable[[Commands, float, Parts, float], Commands] | None = None
     loop: Callable[[Parts, float], Update] | None = None
     observe: Callable[[Trajectory, float, Parts, np.random.Generator], Trajectory] | None = None
+
+    @property
+    def changes_robot(self) -> bool:
+        """Whether it changes the robot or its commands, not the measurement alone."""
+        hooks = (self.structure, self.model, self.commands, self.loop)
+        return any(hook is not None for hook in hooks)
 
     def neutral_value(self, nominal: Parts) -> float:
         """Return the value that changes nothing on a robot."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import accumulate
 
 import mujoco
@@ -25,6 +26,7 @@ from gaitopt.effects.effect import (
     added_name,
     owner_of,
 )
+from gaitopt.trajectory import Trajectory
 
 _LINK_SHARE = 0.05
 """Share of a servo's inertia and damping on the link's side of its free play: horn and output shaft."""
@@ -100,9 +102,9 @@ SERVO_TORQUE_LIMIT = Effect(
 )
 
 
-def _limit_speed(sent: Commands, limit: float, servos: list[int], step_s: float) -> Commands:
+def _limit_speed(sent: Commands, limit: float, parts: Parts, step_s: float) -> Commands:
     """Let the angle that the servo follows slew no faster than `limit` from the angle held before."""
-    most = limit * step_s
+    most, servos = limit * step_s, parts.servos
 
     def followed(time: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = sent(time).copy()
@@ -380,10 +382,10 @@ def net_torque_limits(model: mujoco.MjModel) -> NDArray[np.float64]:
 # --- commanded angle ----------------------------------------------------------------------------
 
 
-def _scale_travel(sent: Commands, gain: float, servos: list[int], _: float) -> Commands:
+def _scale_travel(sent: Commands, gain: float, parts: Parts, _: float) -> Commands:
     def turned(time: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = sent(time).copy()
-        rows[:, servos] *= gain
+        rows[:, parts.servos] *= gain
         return rows
 
     return turned
@@ -409,10 +411,10 @@ SERVO_TRAVEL = Effect(
 )
 
 
-def _offset(sent: Commands, offset: float, servos: list[int], _: float) -> Commands:
+def _offset(sent: Commands, offset: float, parts: Parts, _: float) -> Commands:
     def turned(time: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = sent(time).copy()
-        rows[:, servos] += offset
+        rows[:, parts.servos] += offset
         return rows
 
     return turned
@@ -505,22 +507,28 @@ SERVO_SAG = Effect(
 # --- timing -------------------------------------------------------------------------------------
 
 
-def _delay(sent: Commands, delay: float, servos: list[int], step_s: float) -> Commands:
-    """Return the commands `delay` s late; between two steps of the clock, their blend."""
-    steps = delay / step_s
-    whole = math.floor(steps + 1e-6)
-    part = max(0.0, steps - whole)
-    part = part if part > 1e-6 else 0.0
+def _in_steps(delay: float, step_s: float) -> tuple[int, float]:
+    """Return the whole steps of the clock in a delay, and what is left of a step as its share."""
+    whole = math.floor(delay / step_s + 1e-6)
+    rest = delay / step_s - whole
+    return whole, rest if rest > 1e-6 else 0.0
 
-    def late(time: NDArray[np.float64]) -> NDArray[np.float64]:
-        shifted = sent(time - whole * step_s)
-        if part:
-            shifted = (1.0 - part) * shifted + part * sent(time - (whole + 1) * step_s)
-        rows = sent(time).copy()
-        rows[:, servos] = shifted[:, servos]
-        return rows
 
-    return late
+def _delay_all(sent: Commands, delay: float, parts: Parts, step_s: float) -> Commands:
+    """Return the commands late by the whole steps of the clock in `delay`; `_see_late` has the rest."""
+    whole, _ = _in_steps(delay, step_s)
+    return lambda time: sent(time - whole * step_s)
+
+
+def _see_late(trajectory: Trajectory, delay: float, parts: Parts, __: np.random.Generator) -> Trajectory:
+    """Return the trajectory late by what `_delay_all` leaves of a delay.
+
+    A robot at rest, all of whose commands come later, does the same later. What is sent is held
+    for a step, and stays in it.
+    """
+    step_s = float(parts.model.opt.timestep)
+    _, rest = _in_steps(delay, step_s)
+    return replace(trajectory, time=trajectory.time + rest * step_s) if rest else trajectory
 
 
 COMMAND_LATENCY = Effect(
@@ -536,8 +544,39 @@ COMMAND_LATENCY = Effect(
         "half-normal", 0.0, 0.04, "a 20 ms servo frame, a frame in the servo, and tens of ms in a script"
     ),
     allowed=(0.0, 10.0),
-    commands=_delay,
+    commands=_delay_all,
+    observe=_see_late,
 )
+
+
+def _saturation(parts: Parts) -> NDArray[np.float64]:
+    """Return the error of angle at which each target servo reaches its torque limit, rad; inf without one."""
+    gains: NDArray[np.float64] = parts.model.actuator_gainprm[parts.servos, 0]
+    return _torque_limits(parts) / gains
+
+
+def _delay_one(sent: Commands, delay: float, parts: Parts, step_s: float) -> Commands:
+    """Return the commands, those of the target `delay` s late; where one changes within a step, in part.
+
+    A command that changes within a step should act for the rest of that step. So the servo gets that part
+    of the change, of as much of it as it answers to: more than saturates it would act like all of it, and
+    delays would go in whole steps. Exact where the servo has come to rest under the command before; where
+    it has not, a jump is up to a step off.
+    """
+    whole, rest = _in_steps(delay, step_s)
+    servos, most = parts.servos, _saturation(parts)
+
+    def late(time: NDArray[np.float64]) -> NDArray[np.float64]:
+        shifted = sent(time - whole * step_s)[:, servos]
+        if rest:
+            before = sent(time - (whole + 1) * step_s)[:, servos]
+            shifted = before + (1.0 - rest) * np.clip(shifted - before, -most, most)
+        rows = sent(time).copy()
+        rows[:, servos] = shifted
+        return rows
+
+    return late
+
 
 CHANNEL_TIMING = Effect(
     name="channel_timing",
@@ -553,5 +592,5 @@ CHANNEL_TIMING = Effect(
     ),
     allowed=(-10.0, 10.0),
     target="one",
-    commands=_delay,
+    commands=_delay_one,
 )

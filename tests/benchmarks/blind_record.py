@@ -74,16 +74,17 @@ def _full() -> Plan:
     names = sorted(set(EFFECTS) - set(RECORD_DEFECTS))
     singles: list[Planned] = [("single", name) for name in names for _ in range(3)]
     drawn: list[Planned] = [("none", None)] * 60 + [("pair", None)] * 15 + [("single", None)] * 12
-    return Plan(851, None, tuple(singles + _outside() + drawn))
+    return Plan(851, None, tuple(singles + _outside(5) + drawn))
 
 
-def _outside() -> list[Planned]:
-    return [("outside", name) for name in sorted(OUTSIDE) for _ in range(5)]
+def _outside(each: int) -> list[Planned]:
+    return [("outside", name) for name in sorted(OUTSIDE) for _ in range(each)]
 
 
 def _pairs() -> Plan:
-    """Pairs, and what no pair should explain."""
-    return Plan(862, None, tuple([("pair", None)] * 30 + _outside()))
+    """Pairs, what no pair should explain, then more pairs, which narrow the interval."""
+    drawn: list[Planned] = [("pair", None)] * 10
+    return Plan(862, None, (*drawn, *drawn, *_outside(4), *drawn))
 
 
 def _x_alone() -> Plan:
