@@ -10,7 +10,7 @@ from toyfits import toy_bench, toy_fit, toy_point
 
 from gaitopt.diagnose import evidence
 from gaitopt.diagnose import look as looking
-from gaitopt.diagnose.causes import prepared
+from gaitopt.diagnose.causes import _one_falls_short, prepared
 from gaitopt.diagnose.dataset import load_dataset
 from gaitopt.diagnose.diagnosis import locate
 from gaitopt.diagnose.fitting import simulate
@@ -114,3 +114,25 @@ def test_a_rival_that_imitates_what_nobody_knows_does_not_win(monkeypatch):
 def named(look):
     order, chances = look.ranked
     return set(evidence.answer_set(evidence.by_effect(order, chances)))
+
+
+@pytest.mark.parametrize(("does", "short"), [(0.6, False), (1.0, True), (1.3, True)])
+def test_two_effects_are_tried_where_the_best_would_go_on_beyond_its_range(does, short):
+    """Even if it leaves no more there than a right one does."""
+    bench, rng = toy_bench(ROWS, 6, trials=2), np.random.default_rng(5)
+    direction, noise = rng.standard_normal((2, ROWS))
+    measured = does * direction + 0.5 * noise
+    fit = toy_fit(bench, measured, lambda a: a * direction, (0.0, 0.3, 0.6, 1.0))
+    look = Look(bench, toy_point([], measured), (fit,))
+    (best,) = look.singles
+    assert evidence.left(bench, best) < 1.2
+    assert _one_falls_short(look) == short
+
+
+def test_two_effects_are_tried_where_the_best_leaves_more_than_a_right_one():
+    bench, rng = toy_bench(ROWS, 6, trials=2), np.random.default_rng(5)
+    direction, noise = rng.standard_normal((2, ROWS))
+    measured = 0.5 * direction + 1.5 * noise
+    fit = toy_fit(bench, measured, lambda a: a * direction, (0.0, 0.3, 0.6, 1.0))
+    assert not fit.hypothesis.at_bound(fit.best())
+    assert _one_falls_short(Look(bench, toy_point([], measured), (fit,)))

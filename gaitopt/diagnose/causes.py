@@ -209,13 +209,22 @@ def find_causes(
     wide, look = look, look.closer(executor, seed, note)
     drawn = precision.drawn_about(look.bench, look.first, executor, seed)
     uneven = unevenness(ready, floors, drawn.points)
-    best = min(look.singles, key=lambda rival: rival.evidence)
-    if evidence.left(look.bench, best) > _TRY_PAIRS:
+    if _one_falls_short(look):
         # By the first covariance: effects that do not explain the gap must not teach what explains it.
         found = _of_two(wide, executor, seed, note)
         if found and (uneven_two := unevenness(ready, floors, found[1].points)) <= UNEVEN:
             look, drawn, uneven = *found, uneven_two
     return _concluded(look, drawn, uneven, floor_m, before <= FAINT_GAP, seed)
+
+
+def _one_falls_short(look: Look) -> bool:
+    """Whether the best single effect leaves more than a right one does, or would go on where its range ends.
+
+    At its end it may do another effect's work besides its own, and the covariance learnt there hides that.
+    """
+    best = min(look.singles, key=lambda rival: rival.evidence)
+    (fit,), (at,) = best.fits, best.at
+    return fit.hypothesis.at_bound(at) or evidence.left(look.bench, best) > _TRY_PAIRS
 
 
 def _of_two(wide: Look, executor: Executor, seed: int, note: Note) -> tuple[Look, Drawn] | None:

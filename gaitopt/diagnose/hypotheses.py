@@ -23,6 +23,9 @@ responses set in late, and raising a friction is not lowering it the other way r
 _OBSERVED = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Shares tried where no simulation is needed."""
 
+_AT_BOUND = 1e-3
+"""Share of a range that is no distance from its end."""
+
 
 @dataclass(frozen=True)
 class Hypothesis:
@@ -78,6 +81,10 @@ class Hypothesis:
     def sides(self) -> list[float]:
         """Bounds other than neutral."""
         return [bound for bound in (self.low, self.high) if abs(bound - self.neutral) > 1e-9]
+
+    def at_bound(self, coordinate: float) -> bool:
+        """Whether a coordinate lies at a bound other than neutral, beyond which nothing was tried."""
+        return any(abs(coordinate - bound) < _AT_BOUND * (self.high - self.low) for bound in self.sides)
 
 
 def hypotheses(
