@@ -198,7 +198,7 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def write_record(out: Path, plan: str, rows: list[dict[str, Any]]) -> None:
-    """Write the record, each case's row, the confusion matrix and the calibration plot."""
+    """Write the record, each case's row, and of single effects the confusion matrix and calibration plot."""
     cases = [Case(row["case"], row["truth"], row["diagnosis"]) for row in rows if "truth" in row]
     record = score(cases)
     print("\n".join(sentences(record)))
@@ -220,15 +220,23 @@ def write_record(out: Path, plan: str, rows: list[dict[str, Any]]) -> None:
             f"{row['verdict']} | {', '.join(row['causes']) or '–'} | "
             f"{', '.join(row['ambiguous_with']) or '–'} | {row['other_probability'] or 0.0:.2f} |"
         )
-    pairs = ["| planted | other | cases | angle, degrees | both named |", "|---|---|---|---|---|"]
-    for row in more["alike"]:
+    parts = [*(f"- {s}" for s in sentences(record)), "", *lines, *_alike_table(more["alike"])]
+    write_text(out / f"{plan}.md", "\n".join(parts) + "\n")
+    if any(case.kind == "single" for case in cases):
+        _confusion(out / f"{plan}-confusion.png", cases)
+        _calibration(out / f"{plan}-calibration.png", record)
+
+
+def _alike_table(rows: list[dict[str, Any]]) -> list[str]:
+    """Return the lines of a table of effects that are alike; none without any."""
+    if not rows:
+        return []
+    lines = ["", "| planted | other | cases | angle, degrees | both named |", "|---|---|---|---|---|"]
+    for row in rows:
         low, high = row["angle_deg"]
         angles = f"{low:.1f} to {high:.1f}"
-        pairs.append(f"| {row['planted']} | {row['other']} | {row['cases']} | {angles} | {row['named']} |")
-    parts = [*(f"- {s}" for s in sentences(record)), "", *lines, "", *pairs]
-    write_text(out / f"{plan}.md", "\n".join(parts) + "\n")
-    _confusion(out / f"{plan}-confusion.png", cases)
-    _calibration(out / f"{plan}-calibration.png", record)
+        lines.append(f"| {row['planted']} | {row['other']} | {row['cases']} | {angles} | {row['named']} |")
+    return lines
 
 
 def _cost(cases: list[Case]) -> dict[str, dict[str, float]]:
