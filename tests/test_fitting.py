@@ -70,12 +70,17 @@ def test_what_is_not_tried_is_not_found(simulator, tmp_path):
     assert found["other_probability"] > 0.5
 
 
-def test_late_commands_and_a_late_clock_are_one_answer(simulator, tmp_path):
-    planted = {"command_latency": {"delay_s": 0.08}}
+@pytest.mark.parametrize("delay", [0.08, 0.0114])
+def test_late_commands_and_a_late_clock_are_one_answer(simulator, tmp_path, delay):
+    """However short: the clock's range is five times the other, and is searched as finely."""
+    planted = {"command_latency": {"delay_s": delay}}
     among = ("command_latency", "clock_offset", "servo_gain")
     found = diagnosed(simulator, tmp_path, planted, among, gaits=("square-1s",))
-    assert {*found["causes"], *found["ambiguous_with"]} >= {"command_latency", "clock_offset"}
+    assert {*found["causes"], *found["ambiguous_with"]} == {"command_latency", "clock_offset"}
     assert found["verdict"] == "ambiguous"
+    rows = {row["name"]: row["parameters"] for row in found["effects"]}
+    assert rows["clock_offset"]["offset_s"]["value"] == pytest.approx(-delay, abs=3e-4)
+    assert rows["command_latency"]["delay_s"]["value"] == pytest.approx(delay, abs=3e-4)
 
 
 def test_the_same_bits_whatever_the_workers(simulator, tmp_path):

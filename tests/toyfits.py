@@ -37,7 +37,9 @@ def toy_fit(
 ) -> Fit:
     """The fit of an effect from 0 to so much, simulated here and there, that changes rows as predicted."""
     kind = "none" if target == ALL else "any"
-    effect: Any = SimpleNamespace(name=name, target=kind, scale="lin", log_prior=lambda value, nominal: 0.0)
+    effect: Any = SimpleNamespace(
+        name=name, target=kind, scale="lin", changes_robot=True, log_prior=lambda value, nominal: 0.0
+    )
     hypothesis = Hypothesis(effect, target, 0.0, high, 0.0, cast(Any, None))
     points = [toy_point([a], measured - predicted(a)) for a in at]
     return Fit(hypothesis, bench, points)
