@@ -162,7 +162,8 @@ def test_one_late_servo_at_rest_is_late_by_any_time(arcfold: Problem, other: dic
         effects = other | {"channel_timing": {"delay_s": delay, "target": "mid_act"}}
         return Simulator.build(arcfold.with_effects(effects)).run(walk, duration=0.6)
 
-    early, time = late(0.010)["position.mid_act"], late(0.010).time
+    before = late(0.010)
+    early, time = before["position.mid_act"], before.time
     for rest in (0.2e-3, 0.5e-3, 0.8e-3):
         turned = late(0.010 + rest)["position.mid_act"]
         found = least_squares(lambda s, at=turned: np.interp(time - s, time, early) - at, 0.0, x_scale=1e-3)
@@ -172,11 +173,11 @@ def test_one_late_servo_at_rest_is_late_by_any_time(arcfold: Problem, other: dic
 def test_a_channel_s_timing_between_two_steps_is_their_blend(strider: Problem) -> None:
     effects = {"channel_timing": {"delay_s": 0.0025, "target": "front"}}
     simulator = Simulator.build(strider.with_effects(effects))
-    slow = simulator.effects.commands(lambda t: np.tile(0.1 * t[:, None], 2), simulator.models[0])
+    model = simulator.models[0]
+    slow = simulator.effects.commands(lambda t: np.tile(0.1 * t[:, None], 2), model)
     step = simulator.fidelity.timestep_s
     assert slow(np.array([0.1, 0.2]))[:, 1] == pytest.approx([0.00975, 0.01975], abs=1e-12)
-    jump = simulator.effects.commands(lambda t: np.tile((t >= 0.0)[:, None] * 1.0, 2), simulator.models[0])
-    model = simulator.models[0]
+    jump = simulator.effects.commands(lambda t: np.tile((t >= 0.0)[:, None] * 1.0, 2), model)
     saturates = model.actuator_forcerange[1, 1] / model.actuator_gainprm[1, 0]
     share = 1.0 - (0.0025 / step) % 1.0
     at_jump = jump(np.array([math.floor(0.0025 / step) * step]))

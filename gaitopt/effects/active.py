@@ -152,8 +152,7 @@ class Active:
         """Return what arrives at the servos of what is `sent`, on the clock of the edited `model`."""
         for setting in self.settings:
             if setting.effect.commands is not None:
-                parts = self._parts(setting, model)
-                sent = setting.effect.commands(sent, setting.value, parts, model.opt.timestep)
+                sent = setting.effect.commands(sent, setting.value, self._parts(setting, model))
         return sent
 
     def observe(self, trajectory: Trajectory, model: mujoco.MjModel, rng: np.random.Generator) -> Trajectory:

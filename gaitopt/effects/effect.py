@@ -72,6 +72,11 @@ class Parts:
     target: str = ALL
 
     @property
+    def step_s(self) -> float:
+        """Step of the clock on which the model runs, s."""
+        return float(self.model.opt.timestep)
+
+    @property
     def servos(self) -> list[int]:
         """Actuator ids of the target, which are also its columns in a command."""
         return [i for i, name in enumerate(self.channels) if self.target in (ALL, name)]
@@ -208,7 +213,7 @@ class Effect:
     missing: Callable[[Parts], str | None] = lambda parts: None
     structure: Callable[[mujoco.MjSpec, Parts, float], None] | None = None
     model: Callable[[Parts, float, float], None] | None = None
-    commands: Callable[[Commands, float, Parts, float], Commands] | None = None
+    commands: Callable[[Commands, float, Parts], Commands] | None = None
     loop: Callable[[Parts, float], Update] | None = None
     observe: Callable[[Trajectory, float, Parts, np.random.Generator], Trajectory] | None = None
 

@@ -102,9 +102,10 @@ SERVO_TORQUE_LIMIT = Effect(
 )
 
 
-def _limit_speed(sent: Commands, limit: float, parts: Parts, step_s: float) -> Commands:
+def _limit_speed(sent: Commands, limit: float, parts: Parts) -> Commands:
     """Let the angle that the servo follows slew no faster than `limit` from the angle held before."""
-    most, servos = limit * step_s, parts.servos
+    step_s, servos = parts.step_s, parts.servos
+    most = limit * step_s
 
     def followed(time: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = sent(time).copy()
@@ -382,7 +383,7 @@ def net_torque_limits(model: mujoco.MjModel) -> NDArray[np.float64]:
 # --- commanded angle ----------------------------------------------------------------------------
 
 
-def _scale_travel(sent: Commands, gain: float, parts: Parts, _: float) -> Commands:
+def _scale_travel(sent: Commands, gain: float, parts: Parts) -> Commands:
     def turned(time: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = sent(time).copy()
         rows[:, parts.servos] *= gain
@@ -411,7 +412,7 @@ SERVO_TRAVEL = Effect(
 )
 
 
-def _offset(sent: Commands, offset: float, parts: Parts, _: float) -> Commands:
+def _offset(sent: Commands, offset: float, parts: Parts) -> Commands:
     def turned(time: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = sent(time).copy()
         rows[:, parts.servos] += offset
@@ -514,10 +515,10 @@ def _in_steps(delay: float, step_s: float) -> tuple[int, float]:
     return whole, rest if rest > 1e-6 else 0.0
 
 
-def _delay_all(sent: Commands, delay: float, parts: Parts, step_s: float) -> Commands:
+def _delay_all(sent: Commands, delay: float, parts: Parts) -> Commands:
     """Return the commands late by the whole steps of the clock in `delay`; `_see_late` has the rest."""
-    whole, _ = _in_steps(delay, step_s)
-    return lambda time: sent(time - whole * step_s)
+    whole, _ = _in_steps(delay, parts.step_s)
+    return lambda time: sent(time - whole * parts.step_s)
 
 
 def _see_late(trajectory: Trajectory, delay: float, parts: Parts, __: np.random.Generator) -> Trajectory:
@@ -526,9 +527,8 @@ def _see_late(trajectory: Trajectory, delay: float, parts: Parts, __: np.random.
     A robot at rest, all of whose commands come later, does the same later. What is sent is held
     for a step, and stays in it.
     """
-    step_s = float(parts.model.opt.timestep)
-    _, rest = _in_steps(delay, step_s)
-    return replace(trajectory, time=trajectory.time + rest * step_s) if rest else trajectory
+    _, rest = _in_steps(delay, parts.step_s)
+    return replace(trajectory, time=trajectory.time + rest * parts.step_s) if rest else trajectory
 
 
 COMMAND_LATENCY = Effect(
@@ -555,7 +555,7 @@ def _saturation(parts: Parts) -> NDArray[np.float64]:
     return _torque_limits(parts) / gains
 
 
-def _delay_one(sent: Commands, delay: float, parts: Parts, step_s: float) -> Commands:
+def _delay_one(sent: Commands, delay: float, parts: Parts) -> Commands:
     """Return the commands, those of the target `delay` s late; where one changes within a step, in part.
 
     A command that changes within a step should act for the rest of that step. So the servo gets that part
@@ -563,8 +563,8 @@ def _delay_one(sent: Commands, delay: float, parts: Parts, step_s: float) -> Com
     delays would go in whole steps. Exact where the servo has come to rest under the command before; where
     it has not, a jump is up to a step off.
     """
+    step_s, servos, most = parts.step_s, parts.servos, _saturation(parts)
     whole, rest = _in_steps(delay, step_s)
-    servos, most = parts.servos, _saturation(parts)
 
     def late(time: NDArray[np.float64]) -> NDArray[np.float64]:
         shifted = sent(time - whole * step_s)[:, servos]
