@@ -10,30 +10,30 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from gaitopt.check import Finding, check
-from gaitopt.comparison import Row
-from gaitopt.comparison import compare as _compare
-from gaitopt.diagnose.dataset import load_dataset
+from gaitopt.core.errors import unknown_name
+from gaitopt.core.files import write_text
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.diagnosis import diagnose as _diagnose
-from gaitopt.diagnose.memory import Memory
+from gaitopt.diagnose.fit.cache import Memory
+from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.diagnose.words import answer
 from gaitopt.effects import EFFECTS
-from gaitopt.errors import unknown_name
-from gaitopt.files import write_text
-from gaitopt.gait import Channel, Gait, read_gait, write_gait
-from gaitopt.metrics import Metrics, measure
-from gaitopt.model import Robot, carrying
-from gaitopt.objective import check_objective
+from gaitopt.gait.gait import Channel, Gait, read_gait, write_gait
+from gaitopt.optimise.compare import Row
+from gaitopt.optimise.compare import compare as _compare
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import DEFAULT_BUDGET, Optimised, Request
 from gaitopt.optimise.run import optimise as _optimise
 from gaitopt.optimise.study import Progress
-from gaitopt.problem import Problem
-from gaitopt.results import RunFolder, check_new, summary_of
-from gaitopt.rollout import Simulator
-from gaitopt.trajectory import Trajectory
+from gaitopt.problem.model import Robot, carrying
+from gaitopt.problem.problem import Problem
+from gaitopt.robot.trajectory import Trajectory
+from gaitopt.runs.results import RunFolder, check_new, summary_of
+from gaitopt.simulation.check import Finding, check
+from gaitopt.simulation.metrics import Metrics, measure
+from gaitopt.simulation.objective import check_objective
+from gaitopt.simulation.rollout import Simulator
 
 __all__ = [
     "Channel",
@@ -86,7 +86,7 @@ def film(
     problem: Problem, gaits: Sequence[Gait | str], path: Path | str, seconds: float | None = None
 ) -> Path:
     """Film gaits side by side: ``.mp4``, ``.gif`` or ``.webp``."""
-    from gaitopt.video import film_length, take, write_film
+    from gaitopt.report.film.video import film_length, take, write_film
 
     found = [_gait(problem, gait) for gait in gaits]
     simulator, length = Simulator.build(problem), seconds or film_length(found)
@@ -116,7 +116,7 @@ def compare(
     with open_executor("threads", workers) as executor:
         rows = _compare(problem, found, seed, executor)
     if folder is not None:
-        from gaitopt.report import write_comparison
+        from gaitopt.report.report import write_comparison
 
         write_comparison(folder, problem, found, rows, seed)
     return rows
@@ -134,7 +134,7 @@ def audit(problem: Problem, workers: int | None = None, out: Path | str | None =
     with open_executor("threads", workers) as executor:
         findings = check(problem, executor)
     if folder is not None:
-        from gaitopt.report import write_audit
+        from gaitopt.report.report import write_audit
 
         write_audit(folder, problem, [finding.to_dict() for finding in findings])
     return findings
@@ -168,7 +168,7 @@ def optimise(
             with TemporaryDirectory() as folder:
                 journal = Journal(Path(folder) / "evaluations.csv", problem)
                 return _optimise(problem, request, journal, executor, on_progress)
-        from gaitopt.report import write_report
+        from gaitopt.report.report import write_report
 
         with RunFolder.create(Path(out), problem, request) as run:
             optimised = _optimise(problem, request, Journal(run.journal, problem), executor, on_progress)
@@ -213,7 +213,7 @@ def diagnose(
     with open_executor("threads", workers) as executor:
         if folder is None:
             return _diagnose(simulator, trials, executor, seed, on_progress, next_gait, effects)
-        from gaitopt.diagnosis_report import diagnosis_folder, write_diagnosis
+        from gaitopt.report.diagnosis_report import diagnosis_folder, write_diagnosis
 
         with diagnosis_folder(folder, None, problem.name):
             memory = Memory.of(folder, simulator, trials, seed)

@@ -7,7 +7,7 @@ import pytest
 from helpers import ROBOTS, problem_folder
 from hypothesis import settings
 
-from gaitopt.problem import Problem, load_problem
+from gaitopt.problem.problem import Problem, load_problem
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 settings.register_profile("gaitopt", deadline=None, derandomize=True, database=None)

@@ -31,21 +31,21 @@ from unittest import mock
 import tomli_w
 from helpers import STRIDER, brief_studies
 
-from gaitopt import cli
-from gaitopt.diagnose.cleaning import clean
-from gaitopt.diagnose.dataset import load_dataset
-from gaitopt.errors import GaitoptError
+from gaitopt.cli import app as cli
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.files import write_text
+from gaitopt.diagnose.record.cleaning import clean
+from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.export.formats import FORMATS, export_files
 from gaitopt.export.replay import Replay
-from gaitopt.files import write_text
-from gaitopt.gait import Channel, Gait
+from gaitopt.gait.gait import Channel, Gait
+from gaitopt.gait.table import Table, read_table
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import Request, optimise
-from gaitopt.problem import Problem, load_problem
-from gaitopt.results import RunFolder
-from gaitopt.rollout import Simulator
-from gaitopt.table import Table, read_table
+from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.runs.results import RunFolder
+from gaitopt.simulation.rollout import Simulator
 
 LIMIT_S = 20.0
 """A case that takes longer hangs; on a free core one takes a hundredth of a second."""

@@ -11,9 +11,9 @@ from types import ModuleType
 import numpy as np
 import tomli_w
 
-from gaitopt.gait import Channel, Gait
-from gaitopt.problem import Problem
-from gaitopt.trajectory import Trajectory
+from gaitopt.gait.gait import Channel, Gait
+from gaitopt.problem.problem import Problem
+from gaitopt.robot.trajectory import Trajectory
 
 ROBOTS = Path(__file__).parent / "robots"
 STRIDER = ROBOTS / "strider"
@@ -70,9 +70,12 @@ def same_numbers(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
 
 def brief_studies() -> list[tuple[ModuleType, str, object]]:
     """What to set in which module so that plans have few starts, studies few samples, figures few pixels."""
-    from gaitopt import check, correction, page, plan  # which most tests have no need to load
-    from gaitopt.diagnose import experiment
+    from gaitopt.diagnose import correction  # which most tests have no need to load
+    from gaitopt.diagnose.judge import experiment
     from gaitopt.optimise import run as search
+    from gaitopt.plan import plan  # which most tests have no need to load
+    from gaitopt.report import page  # which most tests have no need to load
+    from gaitopt.simulation import check  # which most tests have no need to load
 
     brief = functools.partial(plan.PlanSettings, n_samples=6, n_starts=(2, 1, 1), iterations=8)
     return [

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
+from gaitopt.core.files import csv_text
 from gaitopt.effects.active import Values
-from gaitopt.files import csv_text
-from gaitopt.problem import Fidelity, Problem
-from gaitopt.rollout import Scenario, Simulator
-from gaitopt.trajectory import Trajectory
+from gaitopt.problem.problem import Fidelity, Problem
+from gaitopt.robot.trajectory import Trajectory
+from gaitopt.simulation.rollout import Scenario, Simulator
 
 OTHER = Fidelity(timestep_s=5e-4, integrator="RK4")
 SIGNALS = ("marker.x", "marker.y", "marker.z", "joint.mid_left")

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from gaitopt.problem import Problem, load_problem
-from gaitopt.rollout import Simulator
-from gaitopt.trajectory import Trajectory
+from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.robot.trajectory import Trajectory
+from gaitopt.simulation.rollout import Simulator
 
 Make = Callable[..., Problem]
 

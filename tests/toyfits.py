@@ -7,8 +7,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gaitopt.diagnose.fitting import Bench, Fit, Point
-from gaitopt.diagnose.hypotheses import Hypothesis
+from gaitopt.diagnose.fit.fitting import Bench, Fit, Point
+from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.effects.effect import ALL
 
 

@@ -9,22 +9,22 @@ from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from gaitopt.diagnose.align import Aligned, align, is_marker, pooled_marker_rms
-from gaitopt.diagnose.causes import Causes, find_causes
-from gaitopt.diagnose.cleaning import Cleaned, clean
-from gaitopt.diagnose.dataset import DataSet
-from gaitopt.diagnose.defects import Defect
-from gaitopt.diagnose.evidence import Gap
-from gaitopt.diagnose.experiment import Experiment, propose
-from gaitopt.diagnose.fitting import Note
-from gaitopt.diagnose.floor import Floors, marker_floor, measure_floors
-from gaitopt.diagnose.hypotheses import Hypothesis, hypotheses
-from gaitopt.diagnose.memory import Memory
-from gaitopt.diagnose.mismatches import mismatches
-from gaitopt.diagnose.predict import predict
-from gaitopt.diagnose.where import COMPONENTS, Split, split
-from gaitopt.errors import GaitoptError
-from gaitopt.rollout import Simulator
+from gaitopt.core.errors import GaitoptError
+from gaitopt.diagnose.fit.cache import Memory
+from gaitopt.diagnose.fit.fitting import Note
+from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
+from gaitopt.diagnose.gap.align import Aligned, align, is_marker, pooled_marker_rms
+from gaitopt.diagnose.gap.floor import Floors, marker_floor, measure_floors
+from gaitopt.diagnose.gap.mismatches import mismatches
+from gaitopt.diagnose.gap.predict import predict
+from gaitopt.diagnose.gap.where import COMPONENTS, Split, split
+from gaitopt.diagnose.judge.causes import Causes, find_causes
+from gaitopt.diagnose.judge.evidence import Gap
+from gaitopt.diagnose.judge.experiment import Experiment, propose
+from gaitopt.diagnose.record.cleaning import Cleaned, clean
+from gaitopt.diagnose.record.dataset import DataSet
+from gaitopt.diagnose.record.defects import Defect
+from gaitopt.simulation.rollout import Simulator
 
 SIGNIFICANT = 2.0
 """A gap of so many floors is significant: what remains of a right model is below it in 95 of 100 cases."""

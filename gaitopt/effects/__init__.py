@@ -1,7 +1,7 @@
 """The library of unmodelled effects, by name, in the order in which they act."""
 
-from gaitopt.effects import body, camera, contact, hinge, servo
 from gaitopt.effects.effect import Effect
+from gaitopt.effects.library import body, camera, contact, hinge, servo
 
 _IN_ORDER = (
     servo.SERVO_TORQUE_LIMIT,

@@ -10,11 +10,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.effects import EFFECTS, Effect
 from gaitopt.effects.effect import ALL, Commands, Parts, Update, is_added, owner_of
-from gaitopt.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.roles import Roles
-from gaitopt.trajectory import Trajectory
+from gaitopt.robot.roles import Roles
+from gaitopt.robot.trajectory import Trajectory
 
 Values = Mapping[str, float | str]
 """What a file says of one effect: its parameter, and ``target`` for a servo's."""

@@ -24,8 +24,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.roles import Roles
-from gaitopt.trajectory import Trajectory
+from gaitopt.robot.roles import Roles
+from gaitopt.robot.trajectory import Trajectory
 
 ALL = "all"
 """The target that stands for every actuator."""

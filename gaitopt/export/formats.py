@@ -13,7 +13,7 @@ from typing import Any
 import jinja2
 
 from gaitopt.export.replay import Replay, servo_rows
-from gaitopt.table import MARK, Table
+from gaitopt.gait.table import MARK, Table
 
 _UNSAFE = str.maketrans({character: f"\\u{ord(character):04x}" for character in "/*?`|<>&"})
 

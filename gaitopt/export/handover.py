@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from gaitopt.errors import GaitoptError, bad_value
+from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.export.formats import FORMATS, export_files
 from gaitopt.export.limits import Lag, check_wiring, clipped, lags, refuse_outside
 from gaitopt.export.replay import Replay, replay
-from gaitopt.gait import Gait
-from gaitopt.model import start_targets
-from gaitopt.problem import Problem
-from gaitopt.table import SAMPLES, Table
+from gaitopt.gait.gait import Gait
+from gaitopt.gait.table import SAMPLES, Table
+from gaitopt.problem.model import start_targets
+from gaitopt.problem.problem import Problem
 
 _MAX_SERVOS = 16
 _MAX_PERIOD_S = 4294.0

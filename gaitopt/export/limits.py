@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.calibration import Calibration
-from gaitopt.errors import GaitoptError, bad_value
-from gaitopt.gait import Channel, Gait
-from gaitopt.problem import Problem
+from gaitopt.core.errors import GaitoptError, bad_value
+from gaitopt.gait.calibration import Calibration
+from gaitopt.gait.gait import Channel, Gait
+from gaitopt.problem.problem import Problem
 
 _STEPS = 4096
 _SLACK_DEG = 1e-6

@@ -10,14 +10,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.errors import GaitoptError
+from gaitopt.core.errors import GaitoptError
 from gaitopt.export.gait_player import DUTY_BITS, RAMP_US, WALKING, Player, duty
-from gaitopt.metrics import measure
-from gaitopt.model import Robot, start_targets
+from gaitopt.gait.table import Table, sampled_deg
 from gaitopt.optimise.verification import interval90
-from gaitopt.problem import Problem
-from gaitopt.rollout import Scenario, Simulator
-from gaitopt.table import Table, sampled_deg
+from gaitopt.problem.model import Robot, start_targets
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation.metrics import measure
+from gaitopt.simulation.rollout import Scenario, Simulator
 
 WARN_LOSS = 0.05
 """A larger share of the speed lost is worth a warning; so is one gained: it is not the same gait then."""

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
 
-from gaitopt.errors import GaitoptError
-from gaitopt.gait import Gait
-from gaitopt.metrics import Metrics, measure
-from gaitopt.model import Robot, carrying
-from gaitopt.objective import Evaluation, evaluate
-from gaitopt.problem import Fidelity, Problem
-from gaitopt.rollout import Scenario, Simulator
+from gaitopt.core.errors import GaitoptError
+from gaitopt.gait.gait import Gait
+from gaitopt.problem.model import Robot, carrying
+from gaitopt.problem.problem import Fidelity, Problem
+from gaitopt.simulation.metrics import Metrics, measure
+from gaitopt.simulation.objective import Evaluation, evaluate
+from gaitopt.simulation.rollout import Scenario, Simulator
 
 RACED_ON = 2.0 / 3.0
 """Share of a population that is simulated in every scenario. Of the three best of twelve neighbours none

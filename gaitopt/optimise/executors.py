@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process, resource_tracker
 from typing import Any
 
-from gaitopt.errors import GaitoptError, nearest
+from gaitopt.core.errors import GaitoptError, nearest
 
 EXECUTORS = ("threads", "processes", "serial")
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.errors import GaitoptError
-from gaitopt.files import read_bytes
-from gaitopt.gait import Gait
-from gaitopt.metrics import METRICS
-from gaitopt.objective import Evaluation
-from gaitopt.problem import Problem
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.files import read_bytes
+from gaitopt.gait.gait import Gait
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation.metrics import METRICS
+from gaitopt.simulation.objective import Evaluation
 
 WORKING = "working"
 """The rung of what was judged at the problem's working fidelity."""

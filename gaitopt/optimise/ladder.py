@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from gaitopt.gait import Gait
+from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator, Setting
 
 TRUSTED = 0.9

@@ -11,18 +11,19 @@ from dataclasses import dataclass
 
 from scipy import stats
 
-from gaitopt.errors import GaitoptError
-from gaitopt.gait import Gait
-from gaitopt.objective import check_objective
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.streams import Stream
+from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import DROPPED, Evaluator, Setting
 from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
 from gaitopt.optimise.ladder import Rung
 from gaitopt.optimise.pareto import FrontGait, front_of, thinned, verified_front
 from gaitopt.optimise.study import Progress, Study, quasi_random
-from gaitopt.optimise.verification import SEARCH, SELECTION, Verified, scenarios_of, verify
-from gaitopt.plan import Elite, Plan, Planner, PlanSettings
-from gaitopt.problem import Problem
-from gaitopt.rollout import NOMINAL
+from gaitopt.optimise.verification import Verified, scenarios_of, verify
+from gaitopt.plan.plan import Elite, Plan, Planner, PlanSettings
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation.objective import check_objective
+from gaitopt.simulation.rollout import NOMINAL
 
 DEFAULT_BUDGET = 600
 
@@ -94,7 +95,9 @@ def optimise(
     """
     began = time.monotonic()
     check_objective(problem)
-    setting = Setting.of(problem, scenarios_of(problem, request.seed, SEARCH), problem.simulation.working)
+    setting = Setting.of(
+        problem, scenarios_of(problem, request.seed, Stream.SEARCH_SCENARIOS), problem.simulation.working
+    )
     margin = problem.file.objective.search_margin
     evaluator = Evaluator(setting, executor, margin)
     study = Study(evaluator, journal, request.budget, request.seed, on_progress)
@@ -212,7 +215,7 @@ def _select(
 
     The search's own best is the luckiest on its few scenarios; a fresh draw is not so easily fooled.
     """
-    scenarios = scenarios_of(problem, seed, SELECTION)
+    scenarios = scenarios_of(problem, seed, Stream.SELECTION_SCENARIOS)
     setting = Setting.of(problem, scenarios, problem.simulation.working)
     evaluator = Evaluator(setting, executor, problem.file.objective.search_margin)
     judged = evaluator([gait for gait, _ in finalists])

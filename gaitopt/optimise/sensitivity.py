@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from gaitopt.errors import GaitoptError
-from gaitopt.gait import Gait
-from gaitopt.model import build_model
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.streams import Stream
+from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator, Setting
-from gaitopt.optimise.verification import SENSITIVITY, scenarios_of
-from gaitopt.problem import Problem
+from gaitopt.optimise.verification import scenarios_of
+from gaitopt.problem.model import build_model
+from gaitopt.problem.problem import Problem
 
 GAIT_STEP = 0.05
 """Step of a gait's number, as a share of its range."""
@@ -55,7 +56,7 @@ def sensitivities(problem: Problem, gait: Gait, seed: int, executor: Executor) -
     Each number is moved a step down and a step up, all else as it was, in scenarios that are the same for
     all of them. A parameter of value 0 has no step, and one that the model does not stand is left out.
     """
-    scenarios = scenarios_of(problem, seed, SENSITIVITY)
+    scenarios = scenarios_of(problem, seed, Stream.SENSITIVITY_SCENARIOS)
 
     def speeds(changed: Problem, gaits: Sequence[Gait]) -> NDArray[np.float64]:
         setting = Setting.of(changed, scenarios, changed.simulation.working)

@@ -9,15 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from gaitopt.errors import GaitoptError, nearest
-from gaitopt.gait import Gait
-from gaitopt.interrupts import interrupts_held
-from gaitopt.objective import Evaluation
-from gaitopt.optimise import cma_es, ladder, nelder_mead, pareto, surrogate
+from gaitopt.core.errors import GaitoptError, nearest
+from gaitopt.core.interrupts import interrupts_held
+from gaitopt.core.streams import Stream, generator
+from gaitopt.gait.gait import Gait
+from gaitopt.gait.space import GaitSpace
+from gaitopt.optimise import ladder, pareto
 from gaitopt.optimise.evaluator import Evaluator, Outcome
 from gaitopt.optimise.journal import WORKING, Entry, Journal, at_rung, ranked
-from gaitopt.optimise.solution import Box
-from gaitopt.space import GaitSpace
+from gaitopt.optimise.solvers import cma_es, nelder_mead, surrogate
+from gaitopt.optimise.solvers.solution import Box
+from gaitopt.simulation.objective import Evaluation
 
 METHODS = ("default", "cma-es", "nelder-mead")
 
@@ -35,9 +37,6 @@ _PLANNED_SPREAD = 0.05
 
 _FRONT_SPREAD = 0.1
 """The same where a gait of the front is looked for from its best neighbour."""
-
-_PARETO_STREAM = 16
-"""Streams of randomness from here on belong to the front."""
 
 _LADDER_FROM = 300
 """Gaits of CMA-ES from which on cheaper rungs are measured; that costs as much as 15 gaits at most."""
@@ -173,7 +172,7 @@ class Study:
             return np.array([aim(entry) for entry in self.entries[-len(points) :]])
 
         start = min(self.entries, key=aim).point
-        rng = np.random.default_rng([self.seed, _PARETO_STREAM + stream])
+        rng = generator(self.seed, Stream.FRONT + stream)
         choose = self._chooser(aim)
         cma_es.minimise(costs, Box(self._space.circular), start, _FRONT_SPREAD, budget, rng, choose)
 
@@ -182,7 +181,7 @@ class Study:
 
     def _search(self, x0: NDArray[np.float64], budget: int, sigma: float, laddered: bool = False) -> None:
         if budget > 0:
-            rng = np.random.default_rng([self.seed, METHODS.index("cma-es")])
+            rng = generator(self.seed, Stream.CMA_ES)
             box = Box(self._space.circular)
             choose = self._chooser(lambda entry: entry.evaluation.cost)
             costs = self._descending if laddered and budget >= _LADDER_FROM else self._raced
@@ -227,7 +226,7 @@ class Study:
 
     def _polish(self, x0: NDArray[np.float64], budget: int, edge: float) -> None:
         if budget > 0:
-            rng = np.random.default_rng([self.seed, METHODS.index("nelder-mead")])
+            rng = generator(self.seed, Stream.NELDER_MEAD)
             box = Box(self._space.circular)
             nelder_mead.minimise(self._polished, box, x0, edge, budget, rng)
 
@@ -272,6 +271,6 @@ class Study:
 def quasi_random(space: GaitSpace, count: int, seed: int) -> NDArray[np.float64]:
     """Return scrambled Sobol points of the unit box, shape (count, d)."""
     with interrupts_held():  # which reading its table would lose
-        sampler = qmc.Sobol(len(space.variables), rng=np.random.default_rng([seed, len(METHODS)]))
+        sampler = qmc.Sobol(len(space.variables), rng=generator(seed, Stream.QUASI_RANDOM))
     points: NDArray[np.float64] = sampler.random_base2(max(0, (count - 1).bit_length()))
     return points[:count]

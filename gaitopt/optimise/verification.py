@@ -9,14 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from gaitopt.gait import Gait
-from gaitopt.objective import Evaluation
+from gaitopt.core.streams import Stream
+from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator, Setting
-from gaitopt.problem import Problem
-from gaitopt.rollout import Scenario, draw_scenarios
-
-SEARCH, SELECTION, VERIFICATION, SENSITIVITY = 1, 2, 3, 4
-"""Streams of scenarios; with the run's seed each gives its own draws."""
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation.objective import Evaluation
+from gaitopt.simulation.rollout import Scenario, draw_scenarios
 
 _SELECTION_SCENARIOS = 8
 
@@ -59,16 +57,16 @@ def scenarios_of(problem: Problem, seed: int, stream: int) -> tuple[Scenario, ..
     Args:
         problem: the problem, whose file says how many and how wide.
         seed: seed of the run.
-        stream: `SEARCH`, `SELECTION`, `VERIFICATION` or `SENSITIVITY`.
+        stream: the `Stream` of these scenarios.
     """
     spread = problem.file.scenarios
-    counts = {SEARCH: spread.search, VERIFICATION: spread.verification}
+    counts = {Stream.SEARCH_SCENARIOS: spread.search, Stream.VERIFICATION_SCENARIOS: spread.verification}
     return draw_scenarios(problem, counts.get(stream, _SELECTION_SCENARIOS), (seed, stream))
 
 
 def verify(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executor) -> list[Verified]:
     """Return each gait at the reference fidelity over the verification scenarios."""
-    scenarios = scenarios_of(problem, seed, VERIFICATION)
+    scenarios = scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS)
     evaluator = Evaluator(Setting.of(problem, scenarios, problem.simulation.reference), executor)
     verified = []
     for gait, (evaluation, outcomes) in zip(gaits, evaluator(gaits), strict=True):

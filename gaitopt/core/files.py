@@ -1,0 +1,232 @@
+"""Reading and writing whole files: nothing is ever left half-written."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import shutil
+import stat
+import tempfile
+import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, TypeVar, Union, get_origin
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ValidationError
+
+from gaitopt.core.errors import GaitoptError, found, nearest
+
+Record = TypeVar("Record", bound=BaseModel)
+
+
+def _shown(name: str) -> str:
+    if not name.isprintable():
+        raise ValueError(f"found {found(name)}; allowed: a name without control characters")
+    return name
+
+
+Name = Annotated[str, AfterValidator(_shown)]
+"""A name out of a file, which is printed on a terminal and drawn."""
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a UTF-8 file.
+
+    Raises:
+        GaitoptError: the file is missing, unreadable or not UTF-8, or changed meanwhile.
+    """
+    try:
+        return io.TextIOWrapper(io.BytesIO(_content(path)), encoding="utf-8-sig").read()
+    except FileNotFoundError:
+        raise GaitoptError(f"{path}: no such file") from None
+    except UnicodeDecodeError as error:
+        raise GaitoptError(f"{path}: not UTF-8 text (byte {error.start})") from None
+    except OSError as error:
+        raise GaitoptError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file.
+
+    Raises:
+        GaitoptError: the file is missing or unreadable, or changed meanwhile.
+    """
+    try:
+        return _content(path)
+    except OSError as error:
+        raise GaitoptError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _content(path: Path) -> bytes:
+    """Return what a file holds, all of it from one moment as far as the system tells."""
+    with path.open("rb") as file:
+        before = os.fstat(file.fileno())
+        data = file.read()
+        after = os.fstat(file.fileno())
+    changed = (before.st_mtime_ns, before.st_size) != (after.st_mtime_ns, after.st_size)
+    if stat.S_ISREG(after.st_mode) and (changed or len(data) != after.st_size):
+        raise GaitoptError(f"{path}: it changed while it was read; try again")
+    return data
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return a TOML file as a dictionary.
+
+    Raises:
+        GaitoptError: the file cannot be read, or is not TOML.
+    """
+    text = read_text(path)
+    try:
+        return tomllib.loads(text)
+    except ValueError as error:  # TOMLDecodeError is one; a number of 5000 digits raises another
+        raise GaitoptError(f"{path}: not TOML: {error}") from None
+    except RecursionError:
+        raise GaitoptError(f"{path}: not TOML: nested too deep") from None
+
+
+def read_json(path: Path) -> Any:
+    """Return the content of a JSON file.
+
+    Raises:
+        GaitoptError: the file cannot be read, or is not JSON.
+    """
+    text = read_text(path)
+    try:
+        return json.loads(text)
+    except ValueError as error:
+        raise GaitoptError(f"{path}: not JSON: {error}") from None
+    except RecursionError:
+        raise GaitoptError(f"{path}: not JSON: nested too deep") from None
+
+
+def inside(folder: Path, name: str) -> Path | None:
+    """Return the path of a file that another one names, or None where it lies outside their folder."""
+    try:
+        path = folder / name
+        path.exists()  # which says if the name is too long
+        return path if path.resolve().is_relative_to(folder.resolve()) else None
+    except (ValueError, RuntimeError, OSError):  # a null byte; links in a circle; a name without end
+        return None
+
+
+def write_with(path: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` fill a temporary file beside `path`, then rename it into place.
+
+    Raises:
+        GaitoptError: the folder or file cannot be written.
+    """
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
+        os.close(handle)
+        temporary = Path(name)
+        try:
+            write(temporary)
+            temporary.chmod(0o644)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise GaitoptError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all.
+
+    Raises:
+        GaitoptError: it cannot be written, or holds the name of a file that is no Unicode text.
+    """
+    try:
+        data = text.encode()
+    except UnicodeEncodeError:
+        raise GaitoptError(f"{path}: cannot be written: a name in it is no Unicode text") from None
+    write_with(path, lambda temporary: temporary.write_bytes(data))
+
+
+@contextmanager
+def filling(folder: Path) -> Iterator[None]:
+    """Make a folder, or take an empty one, and fill it whole: on an error, nothing stays of it.
+
+    Raises:
+        GaitoptError: the folder or a file cannot be written.
+    """
+    made = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except BaseException as error:
+        for path in folder.iterdir() if folder.is_dir() else ():
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+        if made and folder.is_dir():
+            folder.rmdir()
+        if isinstance(error, OSError):
+            raise GaitoptError(f"{folder}: cannot be written: {error.strerror}") from None
+        raise
+
+
+def csv_text(columns: dict[str, np.ndarray]) -> str:
+    """Return a CSV table of equally long columns, with shortest round-trip floats."""
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    return "\n".join(lines) + "\n"
+
+
+def validated(record: type[Record], values: object, source: object) -> Record:
+    """Return `values` as a checked record.
+
+    Raises:
+        GaitoptError: one line that names the file, the first wrong key, what was found and what is
+            allowed, and how many more are wrong.
+    """
+    try:
+        return record.model_validate(values)
+    except ValidationError as error:
+        raise GaitoptError(_first_problem(error, record, source)) from None
+
+
+def _first_problem(error: ValidationError, record: type[BaseModel], source: object) -> str:
+    problems = error.errors(include_url=False)
+    first = problems[0]
+    key = ".".join(str(part) for part in first["loc"]) or "file"
+    if first["type"] == "missing":
+        text = f"{key}: missing; it is required"
+    elif first["type"] == "extra_forbidden":
+        siblings = _fields_at(record, first["loc"][:-1])
+        known = f"; allowed: {', '.join(siblings)}" if siblings else ""
+        text = f"{key}: unknown key{known}{nearest(first['loc'][-1], siblings)}"
+    elif first["type"] == "value_error":
+        text = f"{key}: {first['ctx']['error']}"
+    else:
+        allowed = first["msg"].replace("Input should be ", "")
+        text = f"{key}: found {found(first['input'])}; allowed: {allowed}"
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return f"{source}: {text}{more}"
+
+
+def _fields_at(record: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
+    """Return the keys that the nested record at `location` accepts, as far as they can be told."""
+    current: Any = record
+    for part in location:
+        if _is_record(current):
+            fields = current.model_fields.items()
+            current = next((f.annotation for n, f in fields if part in (n, f.alias)), None)
+        else:  # a key of a dictionary of records
+            current = next(iter(getattr(current, "__args__", ())[1:]), None)
+        current = _without_none(current)
+    if not _is_record(current):
+        return []
+    return [field.alias or name for name, field in current.model_fields.items()]
+
+
+def _is_record(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _without_none(annotation: Any) -> Any:
+    """Return the type in `type | None`."""
+    if get_origin(annotation) in (Union, UnionType):
+        return next((part for part in annotation.__args__ if part is not type(None)), None)
+    return annotation

@@ -1,0 +1,50 @@
+"""Random streams: with a run's seed, each name gives its own draws."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+
+
+class Stream(IntEnum):
+    """What a random stream is for.
+
+    The numbers decide the bits of every result, so they never change; a new stream takes a new number.
+    Of two names with one number, one draws scenarios and the other moves a solver: they share a
+    generator's state, and nothing else.
+    """
+
+    SEARCH_SCENARIOS = 1
+    SELECTION_SCENARIOS = 2
+    VERIFICATION_SCENARIOS = 3
+    SENSITIVITY_SCENARIOS = 4
+    CMA_ES = 1
+    NELDER_MEAD = 2
+    QUASI_RANDOM = 3
+    FRONT = 16  # and the numbers after it, one for each search of the front, up to 19
+    FLOOR_START_POSES = 20
+    SMALL_ERRORS = 21
+    CHANCE_GAIN = 22
+    GAP_BOOTSTRAP = 24
+    EXPERIMENT_CANDIDATES = 25
+    PRECISION_ROBOTS = 26
+    BLIND_CASE = 30
+    BLIND_KINDS = 31
+    EXPERIMENT_ROBOTS = 34
+    CORRECTED_SEARCH = 40
+
+
+BLIND_FLOOR_SEED = 12345
+"""Seed of the robots by which blind cases measure their floor: the same for every seed of the cases."""
+
+
+def generator(seed: int, stream: int, *index: int) -> np.random.Generator:
+    """Return the generator of a stream.
+
+    Args:
+        seed: seed of the run.
+        stream: a `Stream`, or one of the numbers that it reserves.
+        index: which of several draws of the stream, such as the number of a case.
+    """
+    return np.random.default_rng([seed, int(stream), *index])

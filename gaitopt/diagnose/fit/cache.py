@@ -1,0 +1,75 @@
+"""What has been simulated for a diagnosis, kept on disk, so that an interrupted one loses nothing."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.core.files import write_with
+from gaitopt.diagnose.record.dataset import DataSet
+from gaitopt.optimise.evaluator import versions
+from gaitopt.problem.model import carrying
+from gaitopt.simulation.rollout import Simulator
+
+Arrays = Mapping[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Results by name, each a file that is written whole.
+
+    Attributes:
+        folder: where they lie; made with the first one.
+    """
+
+    folder: Path
+
+    @staticmethod
+    def of(folder: Path, simulator: Simulator, dataset: DataSet, seed: int) -> Memory:
+        """Return the memory, in a folder, of all diagnoses that would simulate the same."""
+        problem = carrying(simulator.problem)
+        file = problem.to_toml(problem.model_path.name)
+        said = (versions(), file, sorted((problem.carried or {}).items()), simulator.fidelity, seed)
+        digest = hashlib.sha256(repr(said).encode())
+        for trial in dataset.trials:
+            entry = (trial.name, trial.gait, trial.starts_at_s, trial.noise_m, trial.fps, list(trial.signals))
+            digest.update(repr(entry).encode())
+            for series in (trial.time, *trial.signals.values()):
+                digest.update(series.tobytes())
+        return Memory(folder / f"simulated-{digest.hexdigest()[:16]}")
+
+    @property
+    def count(self) -> int:
+        """How many results there are."""
+        return sum(1 for _ in self.folder.glob("[0-9a-f]*.npz"))
+
+    def recall(self, name: str) -> dict[str, NDArray[np.float64]] | None:
+        """Return a result, or None where there is none that can be read."""
+        try:
+            with np.load(self._path(name)) as arrays:
+                return dict(arrays)
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+            return None
+
+    def keep(self, name: str, arrays: Arrays) -> None:
+        """Write a result.
+
+        Raises:
+            GaitoptError: it cannot be written.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        write_with(self._path(name), lambda path: np.savez(path, allow_pickle=False, **arrays))
+
+    def forget(self) -> None:
+        """Remove all results."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _path(self, name: str) -> Path:
+        return self.folder / f"{hashlib.sha256(name.encode()).hexdigest()[:32]}.npz"

@@ -1,0 +1,1 @@
+"""Measured beside simulated: how far apart, and where."""

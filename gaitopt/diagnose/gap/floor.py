@@ -1,0 +1,185 @@
+"""The floor: how far apart measured and simulated would be if the model were right.
+
+Four things keep a right model from fitting: the recording's own noise, a robot that does not repeat
+itself from cycle to cycle or from run to run, a start pose known to a few milliradians, and the
+simulator's timestep. Each is measured, on the data or on the simulator at the fidelity that the
+diagnosis uses, and they add in squares.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gaitopt.core.streams import Stream, generator
+from gaitopt.diagnose.gap.align import Aligned, align, is_marker
+from gaitopt.diagnose.gap.predict import gait_key, predict_each
+from gaitopt.diagnose.record.cycles import Cycles, cycle_means, steady
+from gaitopt.diagnose.record.dataset import Trial
+from gaitopt.diagnose.record.defects import noise_of
+from gaitopt.problem.problem import Fidelity
+from gaitopt.robot.trajectory import Trajectory
+from gaitopt.simulation.rollout import NOMINAL, Scenario, Simulator
+
+START_POSES = 4
+"""Start poses drawn, of the size that the problem's scenarios say."""
+
+
+@dataclass(frozen=True)
+class Floor:
+    """What keeps one signal of one trial from being predicted exactly, RMS, m or rad.
+
+    Attributes:
+        noise: of the measurement, from the record or as the data set says.
+        spread: of the cycles about their mean, in the record; includes its noise.
+        start_pose: change of the prediction with the start pose.
+        numerics: error of the prediction by its timestep: twice the change when that is halved, as for
+            any method of first order, which contact makes all of them.
+        clock: change of the prediction by the error of time stamps that had been rounded.
+        repeats: of trials of one gait about their mean; None where there is one trial.
+    """
+
+    noise: float
+    spread: float
+    start_pose: float
+    numerics: float
+    clock: float = 0.0
+    repeats: float | None = None
+
+    @property
+    def total(self) -> float:
+        """The floor: run to run as repeats show it, or cycle to cycle and by the start pose."""
+        within = max(self.noise, self.spread)
+        run = math.hypot(within, self.start_pose) if self.repeats is None else max(within, self.repeats)
+        return math.hypot(run, self.numerics, self.clock)
+
+
+Floors = Mapping[str, Floor]
+"""Floor of each signal of a trial."""
+
+
+def marker_floor(floors: Floors) -> float:
+    """Return the floor of the marker's distance, over the axes measured, m."""
+    return math.sqrt(sum(floor.total**2 for name, floor in floors.items() if is_marker(name)))
+
+
+def measure_floors(
+    simulator: Simulator, trials: Sequence[Aligned], executor: Executor, seed: int
+) -> list[Floors]:
+    """Return the floor of each signal of each trial.
+
+    Args:
+        simulator: the nominal robot at the diagnosis' fidelity.
+        trials: the trials beside their nominal prediction.
+        executor: where rollouts run.
+        seed: seed of the start poses.
+    """
+    working = simulator.fidelity
+    halved = working.model_copy(update={"timestep_s": 0.5 * working.timestep_s})
+    poses = Simulator.build(simulator.problem, _start_poses(simulator, seed), simulator.fidelity)
+    robots = [(simulator_at(simulator, halved), 0), *((poses, index) for index in range(START_POSES))]
+    finer, *drawn = predict_each(robots, [aligned.trial for aligned in trials], executor)
+    floors: list[Floors] = []
+    for index, aligned in enumerate(trials):
+        halving = _change(aligned, [finer[index]])
+        start_pose = _change(aligned, [row[index] for row in drawn])
+        repeats = _repeats(aligned, trials)
+        transient, _ = simulator.problem.simulation.horizon.cycles(aligned.trial.period)
+        floors.append(
+            {
+                name: Floor(
+                    _noise(aligned.trial, name),
+                    cycle_spread(aligned, name, transient * aligned.trial.period),
+                    start_pose[name],
+                    2.0 * halving[name],
+                    _clock(aligned, name),
+                    repeats.get(name),
+                )
+                for name in aligned.trial.signals
+            }
+        )
+    return floors
+
+
+def simulator_at(simulator: Simulator, fidelity: Fidelity) -> Simulator:
+    """Return the nominal robot at another fidelity."""
+    return replace(simulator, scenarios=(NOMINAL,), models=simulator.models[:1]).at(fidelity)
+
+
+def _start_poses(simulator: Simulator, seed: int) -> tuple[Scenario, ...]:
+    size = simulator.problem.file.scenarios.start_pose_rad
+    seeds = generator(seed, Stream.FLOOR_START_POSES).integers(2**31, size=START_POSES)
+    return tuple(Scenario(start_pose_rad=size, pose_seed=int(number)) for number in seeds)
+
+
+def _noise(trial: Trial, name: str) -> float:
+    if trial.noise_m is not None and is_marker(name):
+        return trial.noise_m
+    return noise_of(trial.signals[name][trial.used[name]])
+
+
+def _clock(aligned: Aligned, name: str) -> float:
+    """Return the RMS change of a prediction by the trial's error in time, m or rad."""
+    late = np.interp(aligned.time + aligned.trial.clock_s, aligned.simulated.time, aligned.simulated[name])
+    now = np.interp(aligned.time, aligned.simulated.time, aligned.simulated[name])
+    return float(np.sqrt(np.mean((late - now) ** 2)))
+
+
+def cycle_spread(aligned: Aligned, name: str, transient: float) -> float:
+    """Return the RMS of a measured signal about its mean cycle and its mean travel, m or rad.
+
+    The mean cycle of n has taken one n-th of the spread with it, and the travel as much of what is
+    left of the cycles' means, which is made up for.
+    """
+    keep = aligned.trial.used[name]
+    time, series = aligned.time[keep], aligned.trial.signals[name][keep]
+    cycles = Cycles.of(time, aligned.trial.period, transient, aligned.trial.name)
+    rest = steady(cycles.sampled(time, series, aligned.trial.frame_s))[2]
+    wander = cycle_means(rest)
+    inside = rest - wander[:, None]
+    count = cycles.count
+    variance = float(np.nanmean(inside**2)) * count / (count - 1)
+    if count > 2:
+        variance += float(np.nanmean(wander**2)) * count / (count - 2)
+    return math.sqrt(variance)
+
+
+def _change(aligned: Aligned, others: Sequence[Trajectory]) -> dict[str, float]:
+    """Return the RMS distance of other predictions from the nominal one, nuisances fitted."""
+    squares = dict.fromkeys(aligned.trial.signals, 0.0)
+    for other in others:
+        signals = {name: np.interp(aligned.time, other.time, other[name]) for name in squares}
+        stand_in = replace(aligned.trial, signals=signals)
+        apart = align(stand_in, aligned.simulated)
+        for name in squares:
+            squares[name] += apart.rms(name) ** 2 / len(others)
+    return {name: math.sqrt(square) for name, square in squares.items()}
+
+
+def _repeats(aligned: Aligned, trials: Sequence[Aligned]) -> dict[str, float]:
+    """Return the standard deviation of each signal over the trials of one gait, at this one's times."""
+    key = gait_key(aligned.trial.gait)
+    family = [other for other in trials if gait_key(other.trial.gait) == key]
+    spreads = {}
+    for name in aligned.trial.signals:
+        rows = [_residual_at(other, name, aligned.time) for other in family if name in other.residual]
+        if len(rows) < 2:
+            continue
+        together = np.where(aligned.trial.used[name], np.stack(rows), np.nan)
+        together = together[:, np.isfinite(together).all(axis=0)]
+        if together.shape[1]:
+            together = together - together.mean(axis=1, keepdims=True)
+            spreads[name] = float(np.sqrt(together.var(axis=0, ddof=1).mean()))
+    return spreads
+
+
+def _residual_at(aligned: Aligned, name: str, time: np.ndarray) -> np.ndarray:
+    """Return a residual at other gait times; NaN outside its recording."""
+    keep = np.isfinite(aligned.residual[name])
+    own, residual = aligned.time[keep], aligned.residual[name][keep]
+    moved: np.ndarray = np.interp(time, own, residual, left=np.nan, right=np.nan)
+    return moved

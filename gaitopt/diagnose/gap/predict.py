@@ -1,0 +1,59 @@
+"""Predictions of a set of trials: one rollout for each distinct gait, as long as its longest trial."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
+
+from gaitopt.diagnose.record.dataset import Trial
+from gaitopt.gait.gait import Gait
+from gaitopt.robot.trajectory import Trajectory
+from gaitopt.simulation.rollout import Simulator
+
+
+def predict(simulator: Simulator, trials: Sequence[Trial], executor: Executor) -> list[Trajectory]:
+    """Return the nominal prediction of each trial, from gait time 0; trials of one gait share a rollout."""
+    return predict_each([(simulator, 0)], trials, executor)[0]
+
+
+def predict_each(
+    robots: Iterable[tuple[Simulator, int]], trials: Sequence[Trial], executor: Executor
+) -> list[list[Trajectory]]:
+    """Return the prediction of each trial by each robot, all rollouts at once.
+
+    Args:
+        robots: simulators, each with the index of its scenario.
+        trials: the trials.
+        executor: where rollouts run.
+
+    Returns:
+        For each robot a list in the order of the trials.
+    """
+    keys = [gait_key(trial.gait) for trial in trials]
+    durations: dict[str, float] = {}
+    gaits: dict[str, Gait] = {}
+    for key, trial in zip(keys, trials, strict=True):
+        durations[key] = max(durations.get(key, 0.0), latest_gait_time(trial))
+        gaits[key] = trial.gait
+    rows = [
+        {key: executor.submit(_measured, simulator, gaits[key], scenario, durations[key]) for key in gaits}
+        for simulator, scenario in robots
+    ]
+    return [[row[key].result() for key in keys] for row in rows]
+
+
+def _measured(simulator: Simulator, gait: Gait, scenario: int, duration: float) -> Trajectory:
+    """Return a rollout as it would be measured."""
+    return simulator.observe(simulator.run(gait, scenario, duration))
+
+
+def gait_key(gait: Gait) -> str:
+    """Return what two trials of the same commands have in common."""
+    return json.dumps(gait.to_dict())
+
+
+def latest_gait_time(trial: Trial) -> float:
+    """Return the latest gait time at which a trial may end, s."""
+    latest = trial.period if trial.starts_at_s is None else trial.starts_at_s
+    return max(float(trial.time[-1]) + latest, trial.period)

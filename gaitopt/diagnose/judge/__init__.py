@@ -1,0 +1,1 @@
+"""What the fits say: which cause, how sure, what to measure next."""

@@ -1,0 +1,1 @@
+"""Measured trials: read, imported, cleaned."""

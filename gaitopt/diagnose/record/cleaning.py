@@ -1,0 +1,42 @@
+"""A recording's defects one after another: each sees the trial as the one before left it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from gaitopt.diagnose.record.clock import rounded_clock, stepped_clock
+from gaitopt.diagnose.record.dataset import Trial
+from gaitopt.diagnose.record.defects import Defect, Found, frozen, gaps, outliers
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """A trial once its defects are masked or corrected, as it was recorded, and what they were."""
+
+    trial: Trial
+    recorded: Trial
+    defects: tuple[Defect, ...]
+
+
+def clean(trial: Trial, period: float | None) -> Cleaned:
+    """Find the defects that a recording shows by itself, and mask or correct them.
+
+    Args:
+        trial: the recording.
+        period: of the commanded gait, s; None where it is not known.
+    """
+    finders: tuple[Callable[[Trial], Found], ...] = (
+        rounded_clock,
+        stepped_clock if period is not None else lambda t: (t, None),
+        gaps,
+        frozen,
+        partial(outliers, period=period),
+    )
+    recorded, defects = trial, []
+    for find in finders:
+        trial, defect = find(trial)
+        if defect is not None:
+            defects.append(defect)
+    return Cleaned(trial, recorded, tuple(defects))

@@ -1,0 +1,225 @@
+"""Data sets: a folder of measured trials, read into SI units and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
+from gaitopt.core.files import Name, inside, read_toml, validated
+from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
+from gaitopt.diagnose.record.tables import Table, read_csv
+from gaitopt.gait.gait import Gait, read_gait
+from gaitopt.problem.problem import Problem
+
+DATASET_FILE = "dataset.toml"
+
+UNITS = {"marker": LENGTH, "joint": ANGLE}
+"""Kinds of signals that can be measured, and the units that their columns may have."""
+
+_SAMPLES_PER_CYCLE = 4
+_WHOLE_CYCLES = 2
+
+Series = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+_Name = Annotated[Name, Field(min_length=1, max_length=100)]
+
+
+class TrialFile(BaseModel):
+    """One ``[[trial]]`` of a data set's file.
+
+    Attributes:
+        name: what reports call the trial.
+        gait: a baseline's name, or a gait file beside the data set's file.
+        file: CSV file beside it.
+        time: column of the time stamps; its unit is its suffix.
+        starts_at_gait_time_s: gait time at the recording's zero, where it is known.
+        noise_m: standard deviation of the marker's noise, where it is known.
+        fps: frame rate of the recording, where it is known.
+        signals: column of each signal measured.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: _Name
+    gait: _Name
+    file: _Name
+    time: _Name = "t_s"
+    starts_at_gait_time_s: _Finite | None = None
+    noise_m: _Positive | None = None
+    fps: _Positive | None = None
+    signals: Annotated[dict[Name, Name], Field(min_length=1)]
+
+
+class DataSetFile(BaseModel):
+    """The content of ``dataset.toml``."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    trial: Annotated[list[TrialFile], Field(min_length=1)]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One recording.
+
+    Attributes:
+        name: name of the trial.
+        gait: what was commanded.
+        time: time stamps on the recording's own clock, s, shape (n,), never decreasing; plots read
+            off vertical lines give several samples one stamp.
+        signals: measured series, each of shape (n,): ``marker.x|y|z`` in m, of arbitrary origin, and
+            ``joint.NAME`` in rad; NaN where nothing was measured.
+        used: for each signal which samples count, shape (n,): measured, and not masked as a defect.
+        starts_at_s: gait time at the recording's zero, s; None where it is not known.
+        noise_m: standard deviation of the marker's noise, m, if it is known.
+        fps: frames a second, if known.
+        clock_s: standard deviation of the time stamps' common error, s, where they had been rounded.
+    """
+
+    name: str
+    gait: Gait
+    time: Series
+    signals: Mapping[str, Series]
+    used: Mapping[str, Flags]
+    starts_at_s: float | None = None
+    noise_m: float | None = None
+    fps: float | None = None
+    clock_s: float = 0.0
+
+    @staticmethod
+    def of(name: str, gait: Gait, time: Series, signals: Mapping[str, Series]) -> Trial:
+        """Return a trial in which every finite sample counts."""
+        used = {signal: np.isfinite(series) for signal, series in signals.items()}
+        return Trial(name, gait, time, signals, used)
+
+    @property
+    def period(self) -> float:
+        """The commanded period, s."""
+        return self.gait.period_s
+
+    @property
+    def frame_s(self) -> float:
+        """Typical time between two samples, s."""
+        steps = np.diff(self.time)
+        return float(np.median(steps[steps > 0.0]))
+
+    def masked(self, flags: Flags, kind: str | None = None) -> Trial:
+        """Return the trial without some samples, of every signal or of those of one kind."""
+        used = {
+            name: keep & ~flags if kind is None or _kind(name) == kind else keep
+            for name, keep in self.used.items()
+        }
+        return replace(self, used=used)
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """A checked data set: where it lies and its trials."""
+
+    source: Path
+    trials: tuple[Trial, ...]
+
+
+def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> DataSet:
+    """Return the data set in a folder.
+
+    Args:
+        folder: the folder that holds ``dataset.toml``.
+        problem: the problem whose robot was measured.
+        known: signals that the robot has, such as those of its simulator.
+
+    Raises:
+        GaitoptError: a file, key, column, unit, signal, channel or gait is wrong, a recording goes
+            back in time or is shorter than two cycles.
+    """
+    path = folder / DATASET_FILE if folder.is_dir() else folder
+    if not path.is_file():
+        raise GaitoptError(f"{folder}: no {DATASET_FILE} there")
+    file = validated(DataSetFile, read_toml(path), path)
+    names = [entry.name for entry in file.trial]
+    repeated = next((name for name in names if names.count(name) > 1), None)
+    if repeated is not None:
+        raise GaitoptError(f"{path}: trial {repeated!r} stands there twice; allowed: one of each name")
+    measurable = sorted(name for name in known if _kind(name) in UNITS)
+    return DataSet(path, tuple(_trial(entry, path, problem, measurable) for entry in file.trial))
+
+
+def _trial(entry: TrialFile, path: Path, problem: Problem, measurable: list[str]) -> Trial:
+    source = f"{path}: trial {entry.name}"
+    gait = _gait(entry.gait, path, problem, source)
+    for signal in entry.signals:
+        if signal not in measurable:
+            raise unknown_name(source, "signal", signal, measurable)
+    table = read_csv(_beside(path, entry.file, f"{source}: file"))
+    time = _time(table, entry, gait, source)
+    signals = {name: _series(table, name, column, source) for name, column in entry.signals.items()}
+    used = {name: np.isfinite(series) for name, series in signals.items()}
+    return Trial(entry.name, gait, time, signals, used, entry.starts_at_gait_time_s, entry.noise_m, entry.fps)
+
+
+def _gait(reference: str, path: Path, problem: Problem, source: str) -> Gait:
+    if reference in problem.baselines:
+        return problem.baselines[reference]
+    if not (path.parent / reference).is_file():
+        known = [*problem.baselines, "a gait file beside the data set's"]
+        raise unknown_name(source, "gait", reference, known)
+    file = _beside(path, reference, f"{source}: gait")
+    return problem.check_gait(read_gait(file), file)
+
+
+def _beside(path: Path, name: str, key: str) -> Path:
+    found = inside(path.parent, name)
+    if found is None:
+        raise bad_value(key, "path", name, "a file in the data set's folder")
+    if not found.is_file():
+        raise GaitoptError(f"{key}: {found}: no such file")
+    return found
+
+
+def _time(table: Table, entry: TrialFile, gait: Gait, source: str) -> Series:
+    """Return the time stamps in s, checked against the commanded period."""
+    scale = suffix_scale(source, "time", entry.time, TIME)
+    time = table.column(entry.time) * scale
+    blank = np.flatnonzero(~np.isfinite(time))
+    if len(blank):
+        raise GaitoptError(f"{table.source}: line {table.first_line + blank[0]}: {entry.time} is missing")
+    backward = np.flatnonzero(np.diff(time) < 0.0)
+    if len(backward):
+        line, at = table.first_line + backward[0] + 1, time[backward[0] :]
+        raise GaitoptError(f"{table.source}: line {line}: time goes backward, from {at[0]:g} to {at[1]:g} s")
+    steps = np.diff(time)
+    frame = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    if time[-1] - time[0] + frame < _WHOLE_CYCLES * gait.period_s * (1.0 - 1e-9):
+        raise GaitoptError(
+            f"{table.source}: {time[-1] - time[0]:.4g} s are fewer than two cycles of {gait.period_s:g} s"
+        )
+    if frame > gait.period_s / _SAMPLES_PER_CYCLE:
+        raise GaitoptError(
+            f"{table.source}: {entry.time}: samples {frame:.4g} s apart are fewer than {_SAMPLES_PER_CYCLE} "
+            f"a cycle of {gait.period_s:g} s; are they milliseconds?"
+        )
+    return time
+
+
+def _series(table: Table, signal: str, column: str, source: str) -> Series:
+    if column not in table.head:
+        raise unknown_name(f"{source}: signals.{signal}: {table.source}", "column", column, table.head)
+    scale = suffix_scale(source, f"signals.{signal}", column, UNITS[_kind(signal)])
+    series = table.column(column) * scale
+    if not np.isfinite(series).any():
+        raise GaitoptError(f"{table.source}: column {column} holds no number")
+    series[~np.isfinite(series)] = np.nan
+    return series
+
+
+def _kind(signal: str) -> str:
+    return signal.partition(".")[0]

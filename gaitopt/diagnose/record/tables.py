@@ -1,0 +1,120 @@
+"""Tables of numbers as tracking programs write them: text in, named columns of cells out."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.core.errors import GaitoptError, found, unknown_name
+from gaitopt.core.files import read_text
+
+_LARGEST = 1e12
+"""No camera, clock or servo gives a larger number, in any unit."""
+
+_MISSING = {"", "nan", "na", "n/a", "none", "null", "-"}
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells as text, by row, and the line of the file that the first row stands on.
+
+    Attributes:
+        source: the file.
+        head: the columns' names.
+        rows: cells, as many in each row as there are names.
+        first_line: line of the file on which the first row stands, for messages.
+        decimal: the decimal mark.
+    """
+
+    source: Path
+    head: tuple[str, ...]
+    rows: Sequence[Sequence[str]]
+    first_line: int
+    decimal: str = "."
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """Return a column as numbers, NaN where a cell is blank, shape (n,).
+
+        Raises:
+            GaitoptError: there is no such column, or a cell is not a number.
+        """
+        if name not in self.head:
+            raise unknown_name(self.source, "column", name, self.head)
+        index = self.head.index(name)
+        numbers = np.empty(len(self.rows))
+        for number, row in enumerate(self.rows):
+            numbers[number] = self._number(row[index], name, number)
+        return numbers
+
+    def _number(self, cell: str, name: str, row: int) -> float:
+        text = cell.strip().replace("\N{MINUS SIGN}", "-")
+        if text.lower() in _MISSING:
+            return math.nan
+        try:
+            number = float(text.replace(self.decimal, "."))
+        except ValueError:
+            number = math.inf
+        if not abs(number) <= _LARGEST:
+            where = f"{self.source}: line {self.first_line + row}, column {name}"
+            raise GaitoptError(f"{where}: found {found(cell)}; allowed: a number or nothing")
+        return number
+
+
+def read_rows(path: Path, delimiter: str = ",", lines: int | None = None) -> list[list[str]]:
+    """Return the cells of a delimited text file, stripped; empty lines stay, as empty rows.
+
+    Args:
+        path: the file.
+        delimiter: what parts its cells.
+        lines: how many lines to look at; all by default.
+
+    Raises:
+        GaitoptError: the file cannot be read, or is broken.
+    """
+    text = read_text(path).splitlines()[:lines]
+    try:
+        rows = list(csv.reader(text, delimiter=delimiter, skipinitialspace=delimiter != "\t", strict=False))
+    except csv.Error as error:
+        raise GaitoptError(f"{path}: not a table: {error}") from None
+    return [[cell.strip() for cell in row] for row in rows]
+
+
+def table(
+    path: Path, rows: Sequence[Sequence[str]], head: Sequence[str], begin: int, decimal: str = "."
+) -> Table:
+    """Return the rows from index `begin` under the names `head`.
+
+    Raises:
+        GaitoptError: there are no rows, a name stands twice, or a row is longer than the names.
+    """
+    repeated = next((name for name in head if name and list(head).count(name) > 1), None)
+    if repeated is not None:
+        raise GaitoptError(f"{path}: column {repeated!r} stands there twice")
+    filled = []
+    for index, row in enumerate(rows[begin:]):
+        if len(row) > len(head) and any(row[len(head) :]):
+            line = begin + index + 1
+            raise GaitoptError(f"{path}: line {line}: {len(row)} cells under {len(head)} column names")
+        if any(row):
+            filled.append([*row, *[""] * (len(head) - len(row))])
+    if not filled:
+        raise GaitoptError(f"{path}: no numbers under the column names")
+    return Table(path, tuple(head), filled, begin + 1, decimal)
+
+
+def read_csv(path: Path) -> Table:
+    """Return a plain CSV table: one row of names, then numbers.
+
+    Raises:
+        GaitoptError: the file cannot be read or is not such a table.
+    """
+    rows = read_rows(path)
+    if not rows or not any(rows[0]):
+        raise GaitoptError(f"{path}: no column names on its first line")
+    return table(path, rows, rows[0], begin=1)

@@ -1,0 +1,1 @@
+"""The effects, one file for each part of the robot that they act on."""

@@ -1,0 +1,1 @@
+"""What is commanded over time: gaits, their space, servos and tables."""

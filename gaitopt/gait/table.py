@@ -1,0 +1,202 @@
+"""A gait as a microcontroller plays it: pulse widths at uniform phases, with the limits of each servo.
+
+A table file, in whatever language, carries one line ``gaitopt-table: {…}`` with everything but the
+pulses, the gait's own parameters included, and the pulses as rows of numbers; so every exported file
+can be read back, and a file whose numbers were changed since does not match its hash.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from gaitopt.core.errors import GaitoptError, bad_value
+from gaitopt.core.files import read_text, validated
+from gaitopt.gait.calibration import Calibration
+from gaitopt.gait.gait import Gait
+
+FORMAT = 1
+"""Version of the file format."""
+
+SAMPLES = 64
+"""Phase samples of a table unless asked otherwise: 384 bytes for three servos."""
+
+MARK = "gaitopt-table"
+
+_HEADER = re.compile(rf"{MARK}: (\{{.*\}})")
+_ROW = re.compile(r"^[ \t]*(\d[\d., ]*)$", re.MULTILINE)
+
+_Word = Annotated[int, Field(ge=0, le=65535)]
+_Microseconds = Annotated[int, Field(ge=1, le=2**32 - 1)]
+
+
+class _Header(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    format: int
+    hash: str
+    name: str = ""
+    period_us: _Microseconds
+    frame_us: _Microseconds
+    led_pin: int | None
+    gait: dict[str, Any]
+    servos: dict[str, Calibration]
+    start_us: tuple[_Word, ...]
+    slew_us: tuple[_Word, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A gait with the servos that play it.
+
+    Attributes:
+        gait: the gait that was sampled.
+        servos: calibration of each channel, complete, in the order of the gait's channels.
+        start_us: pulses held before and after the gait, µs.
+        slew_us: largest change of each pulse per frame, µs; 0 where it is not limited.
+        frame_us: period of the servo signal, µs.
+        period_us: period of the gait, µs.
+        led_pin: GPIO that goes high at gait time 0, if any.
+        pulses: rows of pulses, µs: row k is the mean of the wave over the interval centred on phase
+            k / len(pulses), so that an edge between two samples keeps its time.
+    """
+
+    gait: Gait
+    servos: Mapping[str, Calibration]
+    start_us: tuple[int, ...]
+    slew_us: tuple[int, ...]
+    frame_us: int
+    period_us: int
+    led_pin: int | None
+    pulses: tuple[tuple[int, ...], ...]
+
+    @staticmethod
+    def sample(
+        gait: Gait,
+        servos: Mapping[str, Calibration],
+        start_deg: Sequence[float],
+        frame_s: float,
+        slew_us: Sequence[int],
+        led_pin: int | None = None,
+        samples: int = SAMPLES,
+    ) -> Table:
+        """Return the table of a gait whose targets lie within its servos' range."""
+        complete = {name: Calibration(**servos[name].complete) for name in gait.channels}
+        start = tuple(
+            _rounded(servo, servo.pulse_us(angle))
+            for servo, angle in zip(complete.values(), start_deg, strict=True)
+        )
+        angles = sampled_deg(gait, samples)
+        pulses = tuple(
+            tuple(
+                _rounded(servo, servo.pulse_us(angle))
+                for servo, angle in zip(complete.values(), row, strict=True)
+            )
+            for row in angles.tolist()
+        )
+        frame_us, period_us = round(1e6 * frame_s), round(1e6 * gait.period_s)
+        return Table(gait, complete, start, tuple(slew_us), frame_us, period_us, led_pin, pulses)
+
+    @property
+    def header(self) -> dict[str, Any]:
+        """Everything but the pulses, as it stands in a table file."""
+        content = self._content
+        return {"format": FORMAT, "hash": self.hash, "name": self.gait.name} | content
+
+    @property
+    def hash(self) -> str:
+        """The first 16 hexadecimal digits of the SHA-256 of everything that moves a servo."""
+        content = {"format": FORMAT, **self._content, "pulses_us": self.pulses}
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def _content(self) -> dict[str, Any]:
+        return {
+            "period_us": self.period_us,
+            "frame_us": self.frame_us,
+            "led_pin": self.led_pin,
+            "gait": self.gait.to_dict(),
+            "servos": {name: servo.complete for name, servo in self.servos.items()},
+            "start_us": self.start_us,
+            "slew_us": self.slew_us,
+        }
+
+
+def sampled_deg(gait: Gait, samples: int) -> NDArray[np.float64]:
+    """Return the mean targets over `samples` equal intervals centred on uniform phases.
+
+    Linear interpolation between such means has the wave's own mean, and puts every edge at the
+    wave's own time.
+
+    Returns:
+        Degrees, shape (samples, nu).
+    """
+    begin = (np.arange(samples) - 0.5) / samples
+    columns = [
+        c.offset_deg + c.amplitude_deg * c.mean_wave(begin, 1.0 / samples) for c in gait.channels.values()
+    ]
+    return np.stack(columns, axis=-1)
+
+
+def _rounded(servo: Calibration, pulse_us: float) -> int:
+    return min(max(round(pulse_us), servo.min_us), servo.max_us)
+
+
+def is_table(path: Path) -> bool:
+    """Return whether a file says that it is a gait table."""
+    return re.search(rf'{MARK}"?: *\{{', read_text(path)) is not None
+
+
+def read_table(path: Path) -> Table:
+    """Return the table in an exported file of any format.
+
+    Raises:
+        GaitoptError: the file holds no table, is of another version, or was changed since its export.
+    """
+    header, pulses = _parts(read_text(path), path)
+    version = header.get("format") if isinstance(header, dict) else None
+    if version != FORMAT:
+        raise bad_value(path, "format", version, f"{FORMAT}: export it again")
+    checked = validated(_Header, header, path)
+    gait = Gait.from_dict(checked.gait, path, checked.name)
+    table = Table(
+        gait,
+        checked.servos,
+        checked.start_us,
+        checked.slew_us,
+        checked.frame_us,
+        checked.period_us,
+        checked.led_pin,
+        tuple(tuple(row) for row in pulses),
+    )
+    if table.hash != checked.hash:
+        raise GaitoptError(
+            f"{path}: found content with hash {table.hash}; allowed: {checked.hash}, as exported: "
+            "it was changed since, export the gait again"
+        )
+    return table
+
+
+def _parts(text: str, path: Path) -> tuple[Any, list[list[int]]]:
+    """Return the header and the rows of pulses of a table file."""
+    try:
+        if text.lstrip().startswith("{"):
+            values = json.loads(text)
+            return values[MARK], [[int(pulse) for pulse in row] for row in values["pulses_us"]]
+        found = _HEADER.search(text)
+        header = json.loads(found.group(1)) if found else None
+        channels = len(header["gait"]["channels"]) if isinstance(header, dict) else 0
+        rows = [row.rstrip(", ").split(",") for row in _ROW.findall(text, found.end() if found else 0)]
+        return header, [[int(pulse) for pulse in row[-channels:]] for row in rows]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise GaitoptError(f"{path}: a gait table that cannot be read: changed since its export?") from None

@@ -1,0 +1,1 @@
+"""The reduced planar model, and the gaits that are planned with it."""

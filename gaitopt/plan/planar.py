@@ -1,0 +1,481 @@
+"""Reduced model of a two-module crawler, and the gaits that are optimal for it.
+
+The crawler is a rear and a front module joined by an arch of two links.
+A middle servo folds the arch, and each module carries a foot: a pad that
+a servo swings about the body's long axis.  The model keeps what moves the
+robot forward and replaces the rest by statics.
+
+**State** ``[P, q, f1, f2]``: forward momentum [kg m/s], middle angle and foot
+angles [rad]; the rear module's position is a quadrature.
+
+*Servos.*  A position servo with damping ``b`` and a torque limit follows
+
+    b q' = sat(kp (target - q)) - k q,    sat(z) = z / (1 + (z/tau)^6)^(1/6)
+
+which is the torque-speed line.  The lag of its armature (J/b, 3 ms) and the
+load's reaction (under a tenth of the limit) are neglected.
+
+*Arch.*  The module distance is d(q) = 2 L cos(q/2).  With the links' mass split
+evenly between its ends (exact for the horizontal momentum of uniform links)
+
+    P = M v1 + (m2 + ml/2) d',    v2 = v1 + d',    P' = F1 + F2
+
+so an infinitely stiff arch needs no internal force.
+
+*Which parts touch.*  A pad of half width r and half thickness t reaches
+h(f) = r |sin f| + t cos f - c below the body's underside.  Where one pad alone
+is down, it carries its module.  Where both are, the body rolls away from the
+pads' lower edges, y(f) = r cos f off the middle, by the smaller of the angles
+h / (w + y): the weaker module ("w") then shares its load between pad and the
+body's far edge, the other ("o") stands on its pad alone.  Balance of the roll
+moments about the centre line gives the weaker pad's share
+
+    p = (Nw w - No yo) / (Nw (w + yw))
+
+Steps between these cases are tanh over a height of ``contact_blur`` and an angle
+of ``roll_blur``.  The loads N1, N2 follow from the lever rule on the two supports.
+
+*Friction.*  Of a pad and a body edge on the same module, the swing makes one
+slide sideways at r sin f f'; it is split between them towards the one that grips
+less, and Coulomb friction opposes the total slip:
+
+    F = -N [mu_pad p v / |v|_pad + mu_body (1-p) v / |v|_body],
+    |v|_k = sqrt(v^2 + sideways_k^2 + width^2)
+
+``width`` [m/s] smooths the law.  It is tightened in steps; the creep it causes
+is `PlanarModel.creep`.
+
+Not modelled: sideways motion and yaw, the dynamics of roll and of landing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.core.interrupts import interrupts_held
+
+Vector = NDArray[np.float64]
+Symbol = Any
+"""A CasADi expression; the package has no types of its own."""
+
+CHANNEL_STARTS = (1, 6, 11)
+"""Where the middle, the rear foot's and the front foot's five numbers begin in a gait vector."""
+
+N_GAIT = 16
+N_STATE = 4
+STATE_SCALE = np.array([0.05, 1.0, 1.0, 1.0])  # kg m/s, rad, rad, rad
+SERVO_SHARPNESS = 6  # exponent of the smoothed torque limit
+
+
+@dataclass(frozen=True)
+class PlanarParameters:
+    """The reduced crawler, SI units; lengths along the body from a module's rear edge."""
+
+    rear_mass: float  # kg
+    front_mass: float  # kg
+    arch_mass: float  # kg, all links
+    link_length: float  # m
+    module_length: float  # m
+    module_half_width: float  # m
+    rear_com: float  # m
+    front_com: float  # m
+    rear_pad: float  # m
+    front_pad: float  # m
+    pad_half_width: float  # m
+    pad_half_thickness: float  # m
+    underside: float  # m, of the body below the feet's axes
+    mu_pad: float
+    mu_body: float
+    hinge_stiffness: float  # N m/rad, of all hinges about the middle angle
+    hinge_damping: float  # N m s/rad, likewise
+    servo_gain: float  # N m/rad
+    servo_torque_limit: float  # N m
+    servo_damping: float  # N m s/rad
+    gravity: float  # m/s^2
+    contact_blur: float = 4e-4  # m
+    roll_blur: float = 0.02  # rad
+
+    @property
+    def mass(self) -> float:
+        """Total mass, kg."""
+        return self.rear_mass + self.front_mass + self.arch_mass
+
+    @property
+    def front_share(self) -> float:
+        """Mass that moves with the front module, kg."""
+        return self.front_mass + self.arch_mass / 2
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One cycle of the periodic motion; arrays over n + 1 instants."""
+
+    time: Vector  # s
+    state: Vector  # (4, n + 1)
+    position: Vector  # m, rear module
+    speed: float  # m/s
+
+    @property
+    def stride(self) -> float:
+        """Forward travel in the cycle, m."""
+        return float(self.position[-1] - self.position[0])
+
+
+@dataclass(frozen=True)
+class GaitBounds:
+    """Box of gait vectors, and the angles that each servo may be sent to."""
+
+    lower: Vector  # (16,)
+    upper: Vector  # (16,)
+    angle_lower: Vector  # (3,) rad
+    angle_upper: Vector  # (3,) rad
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What one call of IPOPT ended with."""
+
+    point: Vector  # unknowns of `Collocation`
+    speed: float  # m/s, collocated
+    status: str
+    iterations: int
+
+    @property
+    def gait(self) -> Vector:
+        """The gait vector, smoothing again and phases within a cycle."""
+        gait = to_smoothing(self.point[:N_GAIT])
+        for c in range(2, N_GAIT, 5):
+            gait[c] %= 1.0
+        return gait
+
+
+def _smooth_abs(value: Symbol, width: float) -> Symbol:
+    return ca.sqrt(value**2 + width**2)
+
+
+def _step(value: Symbol, width: float) -> Symbol:
+    return 0.5 * (1 + ca.tanh(value / width))
+
+
+def _positive(value: Symbol, width: float) -> Symbol:
+    return 0.5 * (value + _smooth_abs(value, width))
+
+
+def channel_target(
+    cycle: Symbol, duty: Symbol, phase: Symbol, amplitude: Symbol, offset: Symbol, ramp: Symbol
+) -> Symbol:
+    """Commanded angle at a time in cycles; half-cosine ramps centred on the edges.
+
+    The pulse is symmetric about its middle, so with u the distance from the middle
+    in cycles, target = offset + amplitude (1 - sin(pi clip((u - duty/2) / ramp))) / 2.
+    """
+    shifted = cycle + phase - duty / 2 + 0.5
+    from_middle = ca.fabs(shifted - ca.floor(shifted) - 0.5)
+    edge = ca.fmax(-0.5, ca.fmin(0.5, (from_middle - duty / 2) / ramp))
+    return offset + amplitude * 0.5 * (1 - ca.sin(ca.pi * edge))
+
+
+def to_ramps(gait: Vector) -> Vector:
+    """Gait vector with each channel's smoothing replaced by its ramp in cycles."""
+    gait = np.array(gait, dtype=float)
+    for c in CHANNEL_STARTS:
+        gait[c + 4] *= min(gait[c], 1 - gait[c])
+    return gait
+
+
+def to_smoothing(ramped: Vector) -> Vector:
+    """Inverse of `to_ramps`."""
+    gait = np.array(ramped, dtype=float)
+    for c in CHANNEL_STARTS:
+        gait[c + 4] = min(1.0, gait[c + 4] / min(gait[c], 1 - gait[c]))
+    return gait
+
+
+class PlanarModel:
+    """The reduced crawler as CasADi functions.
+
+    Inside, gaits carry ramps (see `to_ramps`): the duty's smaller side has a kink at
+    one half, where the baselines sit.  Public methods take the gait's own vector
+    ``[period, (duty, phase, amplitude, offset, smoothing) x 3]``, s, cycles and rad.
+    """
+
+    def __init__(self, parameters: PlanarParameters):
+        self.parameters = parameters
+        state, gait = ca.SX.sym("state", N_STATE), ca.SX.sym("gait", N_GAIT)
+        cycle, width = ca.SX.sym("cycle"), ca.SX.sym("width")
+        targets = [channel_target(cycle, *ca.vertsplit(gait[c : c + 5])) for c in CHANNEL_STARTS]
+        rates, speed, loads = self._equations(state, targets, width)
+        self.flow = ca.Function(
+            "flow", [state, gait, cycle, width], [rates * gait[0], speed * gait[0], loads]
+        )
+        self._cycles: dict[int, Symbol] = {}
+
+    def speed(self, gait: Vector, width: float = 0.005) -> float:
+        """Mean forward speed of the periodic motion, m/s."""
+        return self.cycle(gait, width).speed
+
+    def cycle(self, gait: Vector, width: float = 0.005) -> Cycle:
+        """The periodic motion by plain integration (Runge-Kutta 4), settled first."""
+        return self.settled(to_ramps(gait), width)
+
+    def creep(self, gait: Vector, width: float = 0.005) -> float:
+        """Speed that smoothing adds (negative: takes), m/s.
+
+        The change from width/4 to width, times 4/3, as if it were proportional to width.
+        """
+        return (self.speed(gait, width) - self.speed(gait, width / 4)) * 4 / 3
+
+    def settling_cycles(self, period: float) -> int:
+        """Cycles that start-up is given: a second, and one more."""
+        return math.ceil(1 / period) + 1
+
+    def rollout(self, n_steps: int) -> Symbol:
+        """One cycle: (state and position (5,), ramped gait, width) -> (5, n_steps)."""
+        if n_steps not in self._cycles:
+            self._cycles[n_steps] = self._build_rollout(n_steps)
+        return self._cycles[n_steps]
+
+    def start_state(self, gait: Vector) -> Vector:
+        """At rest, every servo half-way up its travel, position 0; shape (5,)."""
+        angles = [gait[c + 3] + gait[c + 2] / 2 for c in CHANNEL_STARTS]
+        return np.array([0.0, *angles, 0.0])
+
+    def steps_for(self, period: float, width: float) -> int:
+        """Steps that keep Runge-Kutta 4 stable on the stiffest friction, at least 200."""
+        rate = self.parameters.mu_pad * self.parameters.gravity / width
+        return 200 * max(1, math.ceil(period * rate / 2 / 200))
+
+    def settled(self, ramped: Vector, width: float) -> Cycle:
+        """`cycle` of a ramped gait."""
+        n = self.steps_for(ramped[0], width)
+        roll, state = self.rollout(n), self.start_state(ramped)
+        for _ in range(self.settling_cycles(ramped[0])):
+            state = np.array(roll(state, ramped, width))[:, -1]
+        state[-1] = 0.0
+        motion = np.column_stack([state, np.array(roll(state, ramped, width))])
+        time = np.linspace(0, ramped[0], n + 1)
+        return Cycle(time, motion[:-1], motion[-1], motion[-1, -1] / ramped[0])
+
+    def _build_rollout(self, n: int) -> Symbol:
+        state: Symbol = ca.SX.sym("state", N_STATE + 1)
+        gait: Symbol = ca.SX.sym("gait", N_GAIT)
+        step: Symbol = ca.SX.sym("step")
+        width: Symbol = ca.SX.sym("width")
+
+        def rate(at: Symbol, cycle: Symbol) -> Symbol:
+            rates, speed, _ = self.flow(at[:N_STATE], gait, cycle, width)
+            joined: Symbol = ca.vertcat(rates, speed)
+            return joined / n
+
+        k1: Symbol = rate(state, step / n)
+        k2 = rate(state + k1 / 2, (step + 0.5) / n)
+        k3 = rate(state + k2 / 2, (step + 0.5) / n)
+        k4 = rate(state + k3, (step + 1) / n)
+        after = state + (k1 + 2 * k2 + 2 * k3 + k4) / 6
+        one = ca.Function("step", [state, gait, step, width], [after]).mapaccum(n)
+        start, gaits, blur = ca.MX.sym("s", N_STATE + 1), ca.MX.sym("g", N_GAIT), ca.MX.sym("w")
+        path = one(start, ca.repmat(gaits, 1, n), ca.DM(np.arange(n)).T, ca.repmat(blur, 1, n))
+        return ca.Function("cycle", [start, gaits, blur], [path])
+
+    def _equations(
+        self, state: Symbol, targets: list[Symbol], width: Symbol
+    ) -> tuple[Symbol, Symbol, Symbol]:
+        p = self.parameters
+        parts: list[Symbol] = ca.vertsplit(state)
+        momentum, q, f1, f2 = parts
+        stiffness, damping = p.hinge_stiffness, p.servo_damping + p.hinge_damping
+        q_rate = self._servo_rate(targets[0], q, stiffness, damping)
+        f1_rate = self._servo_rate(targets[1], f1, 0.0, p.servo_damping)
+        f2_rate = self._servo_rate(targets[2], f2, 0.0, p.servo_damping)
+        distance = 2 * p.link_length * ca.cos(0.5 * q)
+        stretch = -p.link_length * ca.sin(0.5 * q) * q_rate
+        v1 = (momentum - p.front_share * stretch) / p.mass
+        share1, share2 = self._pad_shares(f1, f2, distance)
+        n1, n2 = self._loads(share1, share2, distance)
+        force1 = -n1 * self._grip(share1, f1, f1_rate, v1, width)
+        force2 = -n2 * self._grip(share2, f2, f2_rate, v1 + stretch, width)
+        loads = ca.vertcat(n1 * (1 - share1), n1 * share1, n2 * (1 - share2), n2 * share2)
+        return ca.vertcat(force1 + force2, q_rate, f1_rate, f2_rate), v1, loads
+
+    def _servo_rate(self, target: Symbol, angle: Symbol, stiffness: float, damping: float) -> Symbol:
+        p = self.parameters
+        torque = p.servo_gain * (target - angle)
+        limit = (1 + (torque / p.servo_torque_limit) ** SERVO_SHARPNESS) ** (-1 / SERVO_SHARPNESS)
+        return (torque * limit - stiffness * angle) / damping
+
+    def _reach(self, foot: Symbol) -> Symbol:
+        """How far a pad reaches below the underside, m; negative when retracted."""
+        p = self.parameters
+        swing = p.pad_half_width * _smooth_abs(ca.sin(foot), 3e-3)
+        return swing + p.pad_half_thickness * ca.cos(foot) - p.underside
+
+    def _centre(self, distance: Symbol) -> Symbol:
+        """Centre of mass ahead of the rear edge, m."""
+        p = self.parameters
+        front = p.module_length + distance
+        arch = p.arch_mass * (p.module_length + distance / 2)
+        return (p.rear_mass * p.rear_com + p.front_mass * (front + p.front_com) + arch) / p.mass
+
+    def _pad_shares(self, f1: Symbol, f2: Symbol, distance: Symbol) -> tuple[Symbol, Symbol]:
+        """Share of each module's load that its pad carries, 0 to 1."""
+        p = self.parameters
+        front = p.module_length + distance
+        reach1, reach2 = self._reach(f1), self._reach(f2)
+        # the other module's lift tilts the body down on this side's outer edge
+        tilt1 = p.rear_pad / (front + p.front_pad)
+        tilt2 = (p.module_length - p.front_pad) / (front + p.module_length - p.rear_pad)
+        down1 = _step(reach1 - tilt1 * _positive(reach2, p.contact_blur), p.contact_blur)
+        down2 = _step(reach2 - tilt2 * _positive(reach1, p.contact_blur), p.contact_blur)
+        edge1, edge2 = p.pad_half_width * ca.cos(f1), p.pad_half_width * ca.cos(f2)
+        roll1, roll2 = (
+            reach / (p.module_half_width + edge) for reach, edge in ((reach1, edge1), (reach2, edge2))
+        )
+        rear_stronger = _step(roll1 - roll2, p.roll_blur)
+        load2 = (self._centre(distance) - p.rear_pad) / (front + p.front_pad - p.rear_pad)
+        lost1 = self._share_lost(1 - load2, edge1, load2, edge2)
+        lost2 = self._share_lost(load2, edge2, 1 - load2, edge1)
+        share1 = down1 * (1 - (1 - rear_stronger) * down2 * lost1)
+        share2 = down2 * (1 - rear_stronger * down1 * lost2)
+        return share1, share2
+
+    def _share_lost(self, load: Symbol, edge: Symbol, other_load: Symbol, other_edge: Symbol) -> Symbol:
+        half_width = self.parameters.module_half_width
+        return 1 - (load * half_width - other_load * other_edge) / (load * (half_width + edge))
+
+    def _loads(self, share1: Symbol, share2: Symbol, distance: Symbol) -> tuple[Symbol, Symbol]:
+        """Load of each module from the lever rule on outer edges and pads, N."""
+        p = self.parameters
+        weight = p.mass * p.gravity
+        rear = share1 * p.rear_pad
+        front = distance + 2 * p.module_length - share2 * (p.module_length - p.front_pad)
+        n2 = weight * (self._centre(distance) - rear) / (front - rear)
+        return weight - n2, n2
+
+    def _grip(self, share: Symbol, foot: Symbol, foot_rate: Symbol, speed: Symbol, width: Symbol) -> Symbol:
+        """Friction over load, positive for forward slip."""
+        p = self.parameters
+        pad, body = p.mu_pad * share, p.mu_body * (1 - share)
+        sideways = p.pad_half_width * ca.sin(foot) * foot_rate
+        pad_part = body**2 / (pad**2 + body**2)
+        pad_slip = ca.sqrt(speed**2 + (sideways * pad_part) ** 2 + width**2)
+        body_slip = ca.sqrt(speed**2 + (sideways * (1 - pad_part)) ** 2 + width**2)
+        return speed * (pad / pad_slip + body / body_slip)
+
+
+class Collocation:
+    """Periodic optimal control of a `PlanarModel`: Radau IIA, two stages, third order.
+
+    Unknowns: the ramped gait (16) and, for each interval, the state at 1/3 and at
+    its end, over `STATE_SCALE`.  Period, duties, phases, amplitudes, offsets and
+    ramps are free within bounds, ramps no shorter than `ramp` (a square
+    edge has no gradient); the middle channel's phase stays where the start has
+    it, since shifting all phases alike changes nothing.
+    """
+
+    def __init__(
+        self, model: PlanarModel, bounds: GaitBounds, n_intervals: int, ramp: float, iterations: int
+    ):
+        self.model, self.bounds, self.n = model, bounds, n_intervals
+        self.ramp, self.iterations = ramp, iterations
+        self._build()
+        self._bound()
+
+    def solve(self, point: Vector, width: float) -> Solution:
+        """Optimise from a point at one friction width."""
+        lower, upper = self.lower.copy(), self.upper.copy()
+        lower[2] = upper[2] = point[2]
+        with interrupts_held():  # IPOPT would end this start for it, and the plan go on without
+            found = self.solver(
+                x0=np.clip(point, lower, upper),
+                p=width,
+                lbx=lower,
+                ubx=upper,
+                lbg=self.lower_g,
+                ubg=self.upper_g,
+            )
+        point = np.array(found["x"]).ravel()
+        stats = self.solver.stats()
+        return Solution(point, -float(found["f"]) / 10, stats["return_status"], stats["iter_count"])
+
+    def guess(self, gait: Vector, width: float) -> Vector:
+        """Unknowns on the integrated motion of a start, shape (16 + 8 n,)."""
+        ramped = to_ramps(gait)
+        for c in CHANNEL_STARTS:
+            ramped[c + 4] = max(ramped[c + 4], self.ramp)
+        motion = self.model.settled(ramped, width)
+        grid = motion.time / motion.time[-1]
+        ends = (np.arange(self.n) + 1) / self.n
+        rows = [
+            np.interp(at, grid, row) / scale
+            for at in (ends - 2 / 3 / self.n, ends)
+            for row, scale in zip(motion.state, STATE_SCALE, strict=True)
+        ]
+        return np.concatenate([ramped, np.array(rows).T.ravel()])
+
+    def _interval(self) -> Symbol:
+        before, stage, after = (ca.SX.sym(k, N_STATE) for k in ("before", "stage", "after"))
+        gait, start, width = ca.SX.sym("g", N_GAIT), ca.SX.sym("t"), ca.SX.sym("w")
+        h = 1 / self.n
+        scale = ca.DM(STATE_SCALE)
+        f1, v1, _ = self.model.flow(stage * scale, gait, start + h / 3, width)
+        f2, v2, _ = self.model.flow(after * scale, gait, start + h, width)
+        defects = ca.vertcat(
+            stage - before - h * (5 * f1 - f2) / 12 / scale,
+            after - before - h * (3 * f1 + f2) / 4 / scale,
+        )
+        travel = h * (3 * v1 + v2) / 4
+        return ca.Function("interval", [before, stage, after, gait, start, width], [defects, travel])
+
+    def _build(self) -> None:
+        n = self.n
+        unknowns, width = ca.MX.sym("x", N_GAIT + 2 * N_STATE * n), ca.MX.sym("w")
+        gait = unknowns[:N_GAIT]
+        states = ca.reshape(unknowns[N_GAIT:], 2 * N_STATE, n)
+        stages, ends = states[:N_STATE, :], states[N_STATE:, :]
+        before = ca.horzcat(ends[:, -1], ends[:, :-1])
+        starts = ca.DM(np.arange(n) / n).T
+        defects, travel = self._interval().map(n)(
+            before, stages, ends, ca.repmat(gait, 1, n), starts, ca.repmat(width, 1, n)
+        )
+        extremes = ca.vertcat(*[gait[c + 2] + gait[c + 3] for c in CHANNEL_STARTS])
+        room = ca.vertcat(*[ca.vertcat(gait[c], 1 - gait[c]) - gait[c + 4] for c in CHANNEL_STARTS])
+        problem = {
+            "x": unknowns,
+            "p": width,
+            "f": -10 * ca.sum2(travel) / gait[0],
+            "g": ca.vertcat(ca.vec(defects), extremes, room),
+        }
+        options: dict[str, Any] = {
+            "expand": True,
+            "print_time": False,
+            "ipopt.print_level": 0,
+            "ipopt.sb": "yes",
+            "ipopt.max_iter": self.iterations,
+            "ipopt.tol": 1e-4,
+            "ipopt.acceptable_tol": 1e-3,
+            "ipopt.acceptable_iter": 4,
+            "ipopt.mu_init": 1e-2,
+            "ipopt.honor_original_bounds": "yes",
+        }
+        self.solver = ca.nlpsol("plan", "ipopt", problem, options)
+
+    def _bound(self) -> None:
+        b, margin, slack = self.bounds, 0.2, 1e-6  # rad
+        low, high = to_ramps(b.lower), to_ramps(b.upper)
+        for c in CHANNEL_STARTS:
+            low[c + 1], high[c + 1] = -2.0, 3.0  # phases may wind
+            low[c + 4], high[c + 4] = self.ramp, 0.5
+        momentum = self.model.parameters.mass / STATE_SCALE[0]  # 1 m/s
+        state_low = np.tile([-momentum, *(b.angle_lower - margin)], 2 * self.n)
+        state_high = np.tile([momentum, *(b.angle_upper + margin)], 2 * self.n)
+        self.lower = np.concatenate([low, state_low])
+        self.upper = np.concatenate([high, state_high])
+        zeros = np.zeros(2 * N_STATE * self.n)
+        self.lower_g = np.concatenate([zeros, b.angle_lower + slack, np.zeros(6)])
+        self.upper_g = np.concatenate([zeros, b.angle_upper - slack, np.full(6, np.inf)])

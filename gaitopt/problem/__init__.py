@@ -1,0 +1,1 @@
+"""A problem file and its MJCF: read, checked, compiled and instrumented."""

@@ -1,0 +1,225 @@
+"""Figures of a diagnosis: measured against simulated, where in the cycle, and which component."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from gaitopt.diagnose.diagnosis import Diagnosis, TrialGap
+from gaitopt.diagnose.fit.fitting import Bench
+from gaitopt.diagnose.gap.align import Aligned, is_marker
+from gaitopt.diagnose.gap.floor import marker_floor
+from gaitopt.diagnose.gap.where import COMPONENTS
+from gaitopt.diagnose.judge.causes import Causes
+from gaitopt.diagnose.judge.precision import intervals
+from gaitopt.report.figures.plots import BEST_COLOUR, COLOURS, finish, legend_below, plain_ticks
+
+_WIDTH = 6.0
+"""Inches, as of the other figures."""
+
+_MASKED_COLOUR = "0.35"
+_RANK_COLOURS = {"no effect": "0.6"}
+_HATCHES = ("", "//", "..", "xx", "\\\\")
+
+
+def measured_and_simulated(trial: TrialGap, after: Aligned | None = None) -> Figure:
+    """Draw every measured signal of a trial over its prediction, samples that do not count marked.
+
+    Args:
+        trial: the trial beside the nominal robot.
+        after: the same trial beside the corrected robot.
+    """
+    names = list(trial.splits)
+    figure = Figure(figsize=(_WIDTH, 0.6 + 1.7 * len(names)), layout="constrained")
+    grid = figure.subplots(len(names), 1, squeeze=False, sharex=True)[:, 0]
+    for axes, name in zip(grid, names, strict=True):
+        _signal(axes, trial, name, after)
+        finish(axes, "", _label(name), legend=False)
+        axes.set_title(name, loc="left", fontsize=10)
+    grid[-1].set_xlabel("gait time [s]")
+    legend_below(figure, grid[0], 4)
+    return figure
+
+
+def _signal(axes: Axes, trial: TrialGap, name: str, after: Aligned | None) -> None:
+    """Draw one signal; the recording as it was made, so that corrected time stamps show."""
+    aligned, recorded = trial.aligned, trial.cleaned.recorded
+    scale, origin = _scale(name), float(np.nanmin(aligned.predicted[name]))
+    used = aligned.trial.used[name]
+    moved = recorded.time != aligned.trial.time
+    measured = scale * (aligned.trial.signals[name] - origin)
+    axes.plot(
+        aligned.time, scale * (aligned.predicted[name] - origin), "--", color="0.25", lw=1.1, label="nominal"
+    )
+    if after is not None:
+        shift = after.offset_s - aligned.offset_s
+        corrected = scale * (after.predicted[name] - origin)
+        axes.plot(after.time - shift, corrected, color=BEST_COLOUR, lw=1.3, label="corrected")
+    axes.plot(aligned.time[used], measured[used], ".", color=COLOURS[0], ms=2.5, zorder=1.5, label="measured")
+    masked = ~used & np.isfinite(measured)
+    if masked.any():
+        axes.plot(
+            aligned.time[masked], measured[masked], "x", color=_MASKED_COLOUR, ms=4, mew=0.8, label="masked"
+        )
+    if moved.any():
+        raw = recorded.time[moved] + aligned.offset_s
+        axes.plot(raw, measured[moved], "|", color=COLOURS[3], ms=4, mew=0.7, label="stamp corrected")
+
+
+def components(diagnosis: Diagnosis) -> Figure:
+    """Draw the components of the gap of each signal and trial, in floors."""
+    bars = [(trial, name) for trial in diagnosis.trials for name in trial.splits]
+    figure = Figure(figsize=(_WIDTH, 0.3 * len(bars) + 1.5), layout="constrained")
+    axes = figure.subplots()
+    places = np.arange(len(bars))[::-1]
+    left = np.zeros(len(bars))
+    for index, component in enumerate(COMPONENTS):
+        widths = np.array([_floors(trial, name, component) for trial, name in bars])
+        axes.barh(
+            places,
+            widths,
+            left=left,
+            color=COLOURS[index],
+            hatch=_HATCHES[index],
+            edgecolor="white",
+            label=component,
+        )
+        left += widths
+    labels = [f"{trial.name}: {name}{'' if trial.counts else ' (not used)'}" for trial, name in bars]
+    axes.set_yticks(places, labels, fontsize=8)
+    axes.margins(y=0.02)
+    axes.axvline(1.0, color="k", lw=1.0, ls="--", label="the floor")
+    finish(axes, "gap [floors]; parts by their share of its square", "", legend=False)
+    legend_below(figure, axes, 3)
+    return figure
+
+
+def ranking(found: Causes) -> Figure:
+    """Draw what the best rivals leave of the held-out trials, and nothing at all beside them."""
+    firsts: dict[str, float] = {"no effect": float(found.none.held_out.sum())}
+    errors = {"no effect": 0.0}
+    best = found.rivals[0]
+    for rival in found.rivals:
+        if rival.label not in firsts and len(firsts) < 13:
+            apart = rival.held_out - best.held_out
+            firsts[rival.label] = float(rival.held_out.sum())
+            errors[rival.label] = float(np.sqrt(len(apart)) * apart.std())
+    rows = float(found.bench.rows_of_blocks.sum())
+    names = sorted(firsts, key=lambda name: firsts[name])
+    figure = Figure(figsize=(_WIDTH, 0.3 * len(names) + 1.2), layout="constrained")
+    axes = figure.subplots()
+    places = np.arange(len(names))[::-1]
+    axes.barh(
+        places,
+        [firsts[name] / rows for name in names],
+        xerr=[1.645 * errors[name] / rows for name in names],
+        color=[_RANK_COLOURS.get(name, BEST_COLOUR if name == best.label else COLOURS[0]) for name in names],
+        height=0.65,
+    )
+    axes.set_yticks(places, names, fontsize=8)
+    axes.set_xscale("log")
+    plain_ticks(axes.xaxis)
+    axes.axvline(1.0, color="k", lw=1.0, ls="--")
+    axes.margins(y=0.02)
+    finish(axes, "error left on held-out data [1 = a right model]", "", legend=False)
+    return figure
+
+
+def profile(found: Causes) -> Figure:
+    """Draw the loss along each parameter of the winner, and the sets simulated."""
+    best = found.rivals[0]
+    figure = Figure(figsize=(_WIDTH, 0.3 + 2.7 * len(best.fits)), layout="constrained")
+    grid = figure.subplots(len(best.fits), 1, squeeze=False)[:, 0]
+    rows = float(found.bench.rows_of_blocks.sum())
+    ends = intervals(best, found.bench, found.drawn)
+    for axes, fit, at, (low, high) in zip(grid, best.fits, best.at, ends, strict=True):
+        h, curve = fit.hypothesis, fit.curve
+        values = [h.value(c) for c in curve.at.tolist()]
+        axes.plot(values, curve.losses.sum(axis=0) / rows, color=BEST_COLOUR, label="interpolated")
+        known = [(h.value(float(p.at[0])), float(p.whitened @ p.whitened) / rows) for p in fit.points]
+        axes.plot(*zip(*known, strict=True), "o", color=COLOURS[0], ms=4, label="simulated")
+        axes.axvline(h.value(at), color="k", lw=1.0, ls="--", label="fitted")
+        axes.set_yscale("log")
+        plain_ticks(axes.yaxis)
+        if h.effect.scale == "log":
+            axes.set_xscale("log")
+            plain_ticks(axes.xaxis)
+        axes.axvspan(low, high, color=COLOURS[4], alpha=0.35, lw=0.0, label="90 % interval")
+        finish(axes, f"{h.name}: {h.effect.parameter} [{h.effect.unit or '1'}]", "error [1 = a right model]")
+    return figure
+
+
+def held_out(diagnosis: Diagnosis, found: Causes) -> Figure:
+    """Draw the marker's RMS error in each trial, before and after, on data that the fit did not see."""
+    best, bench = found.rivals[0], found.bench
+    trials = np.unique(bench.sample_trials).tolist()
+    figure = Figure(figsize=(_WIDTH, 1.2 + 0.62 * len(trials)), layout="constrained")
+    axes = figure.subplots()
+    places = np.arange(len(trials))[::-1]
+    looks = (
+        (found.nominal.apart, 0.2, "0.6", "", "nominal"),
+        (best.apart, -0.2, BEST_COLOUR, "//", f"with {best.label}"),
+    )
+    for apart, shift, colour, hatch, label in looks:
+        left = [_rms_of(bench, apart, trial) for trial in trials]
+        axes.barh(
+            places + shift, left, height=0.36, color=colour, hatch=hatch, edgecolor="white", label=label
+        )
+    floors = [1e3 * marker_floor(diagnosis.trials[trial].floors) for trial in trials]
+    axes.plot(floors, places, "k|", ms=22, mew=1.6, label="the floor")
+    axes.set_yticks(places, [bench.views[trial].aligned.trial.name for trial in trials])
+    finish(axes, "RMS error of the marker, held out [mm]", "", legend=False)
+    legend_below(figure, axes, 3)
+    return figure
+
+
+def _rms_of(bench: Bench, apart: NDArray[np.float64], trial: int) -> float:
+    """Return the RMS distance of measured and simulated marker in one trial, mm."""
+    axes = sum(is_marker(name) for name in bench.views[trial].rows)
+    own = apart[bench.sample_trials == trial]
+    return float(1e3 * np.sqrt(axes * np.mean(own**2)))
+
+
+def _by_phase(trial: TrialGap, name: str) -> np.ndarray:
+    """Return the gap at each phase in floors, at least a little so that it has a logarithm."""
+    floor = trial.floors[name].total
+    ratios: np.ndarray = np.maximum(trial.splits[name].by_phase / (floor or 1.0), 1e-3)
+    return ratios
+
+
+def _floors(trial: TrialGap, name: str, component: str) -> float:
+    """Return a component's part of the length of a bar that is as long as the gap, in floors."""
+    part, floor = trial.splits[name], trial.floors[name].total
+    return part.squares[component] / (part.rms or 1.0) / floor if floor > 0.0 else 0.0
+
+
+def gap_map(diagnosis: Diagnosis) -> Figure:
+    """Draw the gap inside the cycle by phase, in floors: one row for each signal of each trial."""
+    rows = [(trial, name) for trial in diagnosis.trials for name in trial.splits]
+    values = np.stack([_by_phase(trial, name) for trial, name in rows])
+    figure = Figure(figsize=(_WIDTH, 0.28 * len(rows) + 1.2), layout="constrained")
+    axes = figure.subplots()
+    image = axes.imshow(
+        values,
+        aspect="auto",
+        cmap="viridis",
+        norm=LogNorm(0.5, max(2.0, float(np.nanmax(values, initial=0.0)))),
+        extent=(0.0, 1.0, len(rows) - 0.5, -0.5),
+    )
+    axes.set_yticks(range(len(rows)), [f"{trial.name}: {name}" for trial, name in rows], fontsize=8)
+    axes.set_xticks(np.linspace(0.0, 1.0, 5))
+    axes.set_xlabel("share of the gait's cycle")
+    bar = figure.colorbar(image, ax=axes, label="gap [floors]", pad=0.01)
+    plain_ticks(bar.ax.yaxis)
+    return figure
+
+
+def _scale(name: str) -> float:
+    return 1e3 if is_marker(name) else float(np.rad2deg(1.0))
+
+
+def _label(name: str) -> str:
+    return f"{name.partition('.')[2]} [mm]" if is_marker(name) else "angle [°]"

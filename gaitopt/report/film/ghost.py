@@ -1,0 +1,80 @@
+"""The measured marker in a film of a simulation: a ghost beside the robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.core.errors import GaitoptError
+from gaitopt.diagnose.gap.align import align
+from gaitopt.diagnose.record.cleaning import clean
+from gaitopt.diagnose.record.dataset import DataSet, Trial
+from gaitopt.gait.gait import Gait
+from gaitopt.robot.trajectory import Trajectory
+from gaitopt.simulation.rollout import Simulator
+
+
+@dataclass(frozen=True)
+class Ghost:
+    """Where the marker was measured, in the simulation's world and on its clock.
+
+    Attributes:
+        trial: the trial's name.
+        time: gait times, s, shape (n,), rising.
+        positions: the marker there, m, shape (n, 3); an axis that was not measured is the simulation's.
+    """
+
+    trial: str
+    time: NDArray[np.float64]
+    positions: NDArray[np.float64]
+
+    def before(self, at: float, window: float) -> NDArray[np.float64]:
+        """Return the positions of the last `window` s up to a gait time, the newest last, shape (k, 3)."""
+        first, last = np.searchsorted(self.time, (at - window, at), side="right")
+        return self.positions[first:last] if at <= self.time[-1] + window else self.positions[:0]
+
+
+def ghost_of(simulator: Simulator, trial: Trial, trajectory: Trajectory) -> Ghost:
+    """Return the marker of a trial beside a rollout of the trial's gait.
+
+    A recording has an origin of its own: the ghost starts where the simulated marker is, in the mean over
+    its first cycle, so that a difference in speed shows as a growing distance.
+
+    Args:
+        simulator: the robot that was simulated.
+        trial: the trial.
+        trajectory: its gait, from gait time 0 to the recording's end or beyond.
+
+    Raises:
+        GaitoptError: the trial has no marker, or the simulation failed.
+    """
+    observed = simulator.observe(trajectory)
+    aligned = align(clean(trial, trial.period).trial, observed)
+    positions = np.stack(
+        [np.interp(aligned.time, observed.time, observed[f"marker.{axis}"]) for axis in "xyz"], axis=1
+    )
+    measured = [axis for axis in "xyz" if f"marker.{axis}" in aligned.residual]
+    if not measured:
+        raise GaitoptError(f"trial {trial.name}: no marker was measured, so there is none to show")
+    for axis in measured:
+        residual = aligned.residual[f"marker.{axis}"]
+        early = residual[aligned.time <= aligned.time[0] + trial.period]
+        origin = float(np.nanmean(early)) if np.isfinite(early).any() else 0.0
+        positions[:, "xyz".index(axis)] += residual - origin
+    seen = np.isfinite(positions).all(axis=1)
+    return Ghost(trial.name, aligned.time[seen], positions[seen])
+
+
+def trial_of(dataset: DataSet, gait: Gait) -> Trial:
+    """Return the first trial of a gait.
+
+    Raises:
+        GaitoptError: there is none.
+    """
+    for trial in dataset.trials:
+        if trial.gait.to_dict() == gait.to_dict():
+            return trial
+    there = ", ".join(dict.fromkeys(trial.gait.name for trial in dataset.trials))
+    raise GaitoptError(f"{dataset.source}: no trial of {gait.name}; allowed: a gait measured there: {there}")

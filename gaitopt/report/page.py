@@ -1,0 +1,157 @@
+"""One self-contained HTML page: an answer, and sections of tables and figures that need no network."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup, escape
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+
+from gaitopt.runs.results import write_into
+
+_DPI = 240
+"""Of a figure 6 inches wide: enough for print."""
+
+_UNIT = r"mm/s|mm|m/s|ms|m|s|°/s|°|rad/s|rad|N m|Hz|gaits|times"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of texts under a head.
+
+    Attributes:
+        head: names of the columns, with units.
+        rows: the cells.
+        note: what to know when reading it.
+        mark_first: whether the first row is the one that matters.
+        words: columns that hold words, which may wrap, rather than figures.
+    """
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ""
+    mark_first: bool = False
+    words: Sequence[int] = ()
+
+
+@dataclass(frozen=True)
+class Section:
+    """One part of a page: a title over sentences, a table, or a picture with its caption.
+
+    Attributes:
+        title: the title.
+        sentences: a list.
+        table: a table.
+        image: the picture as a data URI.
+        caption: what to see in it.
+        commands: lines to type.
+        folded: whether it opens on request.
+    """
+
+    title: str
+    sentences: Sequence[str] = ()
+    table: Table | None = None
+    image: str = ""
+    caption: str = ""
+    commands: Sequence[str] = ()
+    folded: bool = False
+
+    @property
+    def anchor(self) -> str:
+        """Name that links on the page use."""
+        return re.sub(r"\W+", "-", self.title.lower()).strip("-")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure before it is saved: its title, what draws it, and what to see in it."""
+
+    title: str
+    figure: Figure
+    caption: str
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a page says.
+
+    Attributes:
+        title: the title.
+        answer: the result in a sentence or two.
+        asked: what was asked, by keyword.
+        tiles: the figures to remember, each with what it is.
+        notes: what the reader must know besides.
+        sections: the parts in order.
+    """
+
+    title: str
+    answer: str
+    asked: Mapping[str, str]
+    tiles: Sequence[tuple[str, str]] = ()
+    notes: Sequence[str] = ()
+    sections: Sequence[Section] = ()
+
+    def html(self) -> str:
+        """Return the page."""
+        environment = jinja2.Environment(
+            autoescape=True,
+            trim_blocks=True,
+            lstrip_blocks=True,
+            loader=jinja2.PackageLoader("gaitopt.report"),
+        )
+        environment.filters["typeset"] = typeset
+        made_by = f"gaitopt {version('gaitopt')} and MuJoCo {version('mujoco')}"
+        return environment.get_template("page.html").render(page=self, made_by=made_by)
+
+
+def typeset(text: str) -> Markup:
+    """Return a text as HTML with minus signs, and with figures and units, and gaits' names, on one line."""
+    html = str(escape(text))
+    html = re.sub(r"(?<![\w.)\]-])-(?=[\d∞])", "−", html)
+    html = re.sub(r"(?<=\d) ?%", "\u00a0%", html)
+    html = re.sub(rf"(?<=\d) (?=(?:{_UNIT})(?!\w))", "\u00a0", html)
+    html = html.replace("N m", "N\u00a0m")
+    return Markup(re.sub(r"\b[a-z]+-\d[\w.]*\w", r'<span class="whole">\g<0></span>', html))
+
+
+def save_figures(folder: Path, pictures: Mapping[str, Picture]) -> list[Section]:
+    """Write figures into ``figures/`` by name, and return a section of each."""
+    sections = []
+    for name, picture in pictures.items():
+        data = png(picture.figure)
+        write_into(folder, f"figures/{name}.png", writer(data))
+        sections.append(image_section(picture.title, data, "png", picture.caption))
+    return sections
+
+
+def image_section(title: str, data: bytes, kind: str, caption: str) -> Section:
+    """Return a section that shows an image file's content."""
+    return Section(
+        title, image=f"data:image/{kind};base64,{base64.b64encode(data).decode()}", caption=caption
+    )
+
+
+def folded(section: Section) -> Section:
+    """Return a section that opens on request."""
+    return replace(section, folded=True)
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as a PNG file for print; the same figure gives the same bits."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
+    plt.close(figure)  # of figures that pyplot keeps
+    return buffer.getvalue()
+
+
+def writer(data: bytes) -> Callable[[Path], object]:
+    """Return what writes some bytes to a path."""
+    return lambda path: path.write_bytes(data)

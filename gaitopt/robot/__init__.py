@@ -1,0 +1,1 @@
+"""What is said of any robot: roles, and named series over time."""

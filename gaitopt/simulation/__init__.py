@@ -1,0 +1,1 @@
+"""Commands in, trajectories, metrics and findings out."""

@@ -1,0 +1,106 @@
+"""From metrics to one cost: named terms and named constraints, all of them reported."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaitopt.core.errors import unknown_name
+from gaitopt.problem.problem import Constraint, Problem
+from gaitopt.simulation.metrics import METRICS, Metrics, mean_metrics
+
+FAILED_COST = 1e6
+"""Cost of a gait whose simulation failed: worse than anything that a robot can do."""
+
+_WORST_VIOLATION = 1e3
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What a gait is worth over some scenarios.
+
+    Attributes:
+        cost: what the search minimises.
+        metrics: mean of each metric over the scenarios.
+        violations: by how much of its scale each constraint is exceeded; 0 where it is met. By the mean
+            metric, or as `Objective.over_scenarios` asks.
+        status: ``ok``, or why a scenario failed.
+    """
+
+    cost: float
+    metrics: Metrics
+    violations: dict[str, float]
+    status: str
+
+    @property
+    def constraints_met(self) -> bool:
+        """Whether every simulation went well and every constraint holds."""
+        return self.status == "ok" and not any(self.violations.values())
+
+
+def check_objective(problem: Problem) -> None:
+    """Check that every term and constraint is a metric.
+
+    Raises:
+        GaitoptError: a name is not a metric.
+    """
+    known = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
+    for key in ("terms", "constraints"):
+        for name in getattr(problem.file.objective, key):
+            if name not in known:
+                raise unknown_name(f"{problem.source}: objective.{key}", "metric", name, known)
+
+
+def evaluate(
+    problem: Problem, rows: Sequence[Metrics], statuses: Sequence[str], margin: float = 0.0
+) -> Evaluation:
+    """Return the evaluation of one gait from its metrics in each scenario.
+
+    The cost is the weighted sum of the mean metrics plus, for each constraint, the problem's penalty
+    times the violation by the mean metric, in units of the constraint's scale. Where the problem asks
+    for the worst scenario or a quantile, it is that of the weighted sums of the scenarios, plus the
+    penalty times that of each constraint's violations.
+
+    Args:
+        problem: the problem, for its objective.
+        rows: metrics in each scenario.
+        statuses: status of each scenario.
+        margin: share by which every limit is tightened.
+    """
+    objective = problem.file.objective
+    failed = next((status for status in statuses if status != "ok"), None)
+    if failed is not None:
+        return Evaluation(FAILED_COST, mean_metrics(list(rows)), {}, failed)
+    metrics = mean_metrics(list(rows))
+    share = objective.worse_share
+    judged = [metrics] if share is None else [mean_metrics([row]) for row in rows]
+    violations = {
+        name: _over([_violation(limit, row[name], margin) for row in judged], share)
+        for name, limit in objective.constraints.items()
+    }
+    cost = _over([sum(w * row[name] for name, w in objective.terms.items()) for row in judged], share)
+    cost += objective.penalty * sum(violations.values())
+    return Evaluation(cost if math.isfinite(cost) else FAILED_COST, metrics, violations, "ok")
+
+
+def _over(values: list[float], share: float | None) -> float:
+    """Return the value that this share of the values exceeds; where there is but one, that."""
+    if share is None:
+        return values[0]
+    with np.errstate(invalid="ignore"):  # of an infinite cost and a finite one
+        return float(np.quantile(values, 1.0 - share)) if share else max(values)
+
+
+def _violation(constraint: Constraint, value: float, margin: float) -> float:
+    if math.isnan(value):
+        return _WORST_VIOLATION
+    over = under = 0.0
+    if constraint.max is not None:
+        over = max(0.0, value - (constraint.max - margin * abs(constraint.max)))
+    if constraint.min is not None:
+        under = max(0.0, constraint.min + margin * abs(constraint.min) - value)
+    excess = over + under
+    return min(excess / constraint.scale, _WORST_VIOLATION)

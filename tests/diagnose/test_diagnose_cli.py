@@ -1,0 +1,231 @@
+"""`gaitopt diagnose` and `gaitopt import` from the command line to their files."""
+
+import itertools
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import edited
+from planting import dataset, filmed, rollout
+
+from gaitopt.cli.app import main
+from gaitopt.diagnose import diagnosis
+from gaitopt.diagnose.fit import fitting
+from gaitopt.problem.problem import load_problem
+from gaitopt.report import diagnosis_report
+from gaitopt.runs.results import held
+from gaitopt.simulation.rollout import Scenario, Simulator
+
+HARDWARE = Path(
+    os.environ.get("GAITOPT_HARDWARE_DATA", Path(__file__).parents[3] / "shared/data/arcfold-hardware")
+)
+
+
+@pytest.fixture(scope="module")
+def trials(arcfold, tmp_path_factory):
+    """Two short trials that a diagnosis is quick to read."""
+    simulator = Simulator.build(arcfold, (Scenario(start_pose_rad=0.002, pose_seed=3),))
+    columns = filmed(simulator.run(arcfold.baselines["square-1s"], duration=4.0))
+    return dataset(tmp_path_factory.mktemp("data") / "trials", {"fast": ("square-1s", columns)})
+
+
+@pytest.fixture
+def copied(trials, tmp_path):
+    folder = tmp_path / "trials"
+    folder.mkdir()
+    for path in trials.iterdir():
+        (folder / path.name).write_bytes(path.read_bytes())
+    return folder
+
+
+def test_a_run_folder_with_everything_in_it(trials, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["diagnose", "arcfold", str(trials), "--out", str(out), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((out / "diagnosis.json").read_text())
+    assert printed["verdict"] == "no_gap"
+    assert (printed["causes"], printed["ambiguous_with"], printed["effects"]) == ([], [], [])
+    assert printed["next_experiment"] is None
+    assert set(printed["gap"]) == {
+        "heldout_before_m",
+        "heldout_after_m",
+        "floor_m",
+        "shrinkage",
+        "shrinkage_ci90",
+    }
+    assert all({"signal", "trial", "component", "share"} <= set(row) for row in printed["where"])
+    assert load_problem(out).name == "arcfold"
+    assert sorted(path.name for path in (out / "figures").iterdir()) == [
+        "components.png",
+        "map.png",
+        "measured.png",
+    ]
+    page = (out / "report.html").read_text()
+    assert "No significant gap" in page
+    assert page.count("data:image/png;base64") == 3
+
+
+def test_in_words_and_the_same_every_time(trials, tmp_path, capsys):
+    for number, workers in enumerate(("1", "2")):
+        out = tmp_path / f"out{number}"
+        arguments = ["diagnose", "arcfold", str(trials), "--out", str(out), "--workers", workers]
+        assert main(arguments) == 0
+    said = capsys.readouterr().out
+    assert "No significant gap" in said
+    assert "- fast: gap of" in said
+    first, second = ((tmp_path / f"out{i}" / "diagnosis.json").read_bytes() for i in range(2))
+    assert first == second
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "said"),
+    [
+        ("dataset.toml", "x_m", "w_m", "unknown column"),
+        ("dataset.toml", "marker.x", "marker.w", "unknown signal"),
+        ("dataset.toml", "square-1s", "square-9s", "unknown gait"),
+        ("dataset.toml", "square-1s", "square-4s", "fewer than two cycles"),
+        ("fast.csv", "t_s,x_m", "t_s,x_feet", "x_feet"),
+    ],
+)
+def test_bad_data_is_one_line_and_leaves_nothing(
+    copied, in_a_folder_of_its_own, capsys, file, old, new, said
+):
+    edited(copied / file, old, new)
+    if new == "t_s,x_feet":
+        edited(copied / "dataset.toml", '"x_m"', '"x_feet"')
+    assert main(["diagnose", "arcfold", str(copied)]) == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert said in captured.err
+    assert len(captured.err.splitlines()) == 1
+    assert list(in_a_folder_of_its_own.iterdir()) == []
+
+
+def test_a_recording_of_nothing_but_outliers_is_one_line(copied, tmp_path, capsys):
+    lines = (copied / "fast.csv").read_text().splitlines()
+    cells = [line.split(",") for line in lines]
+    for row in cells[31:]:
+        row[1:] = [""] * (len(row) - 1)
+    (copied / "fast.csv").write_text("\n".join(",".join(row) for row in cells))
+    assert main(["diagnose", "arcfold", str(copied), "--out", str(tmp_path / "out")]) == 1
+    assert "fewer than two cycles are left" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_holds_something_is_refused_at_once(trials, tmp_path, capsys):
+    (tmp_path / "mine.txt").write_text("mine")
+    assert main(["diagnose", "arcfold", str(trials), "--out", str(tmp_path)]) == 1
+    assert "is not empty" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_another_robot(strider, tmp_path, capsys):
+    simulator = Simulator.build(strider, (Scenario(start_pose_rad=0.002, pose_seed=3),))
+    trajectory = simulator.run(strider.baselines["stride"], duration=4.0)
+    columns = filmed(trajectory, signals=("marker.y", "marker.z"))
+    folder = dataset(tmp_path / "trials", {"walk": ("stride", columns)})
+    out = tmp_path / "out"
+    assert main(["diagnose", str(strider.source), str(folder), "--out", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] == "no_gap"
+
+
+def test_import_then_diagnose(arcfold, tmp_path, capsys):
+    trajectory = Simulator.build(arcfold).run(arcfold.baselines["square-1s"], duration=4.0)
+    time = np.arange(0.0, 4.0, 0.04)
+    x, z = (np.interp(time, trajectory.time, trajectory[f"marker.{axis}"]) for axis in "xz")
+    rows = [f"{t:.3f}\t{a:.6f}\t{b:.6f}" for t, a, b in zip(time, x, z, strict=True)]
+    (tmp_path / "walk.txt").write_text("\n".join(["mass_A", "t\tx\ty", *rows]))
+    folder = tmp_path / "trials"
+    arguments = ["import", str(tmp_path / "walk.txt"), "--gait", "square-1s", "--out", str(folder)]
+    assert main([*arguments, "--sync-at", "0", "--json"]) == 0
+    imported = json.loads(capsys.readouterr().out)
+    assert imported["trials"] == [{"name": "walk", "program": "Tracker", "signals": ["marker.x", "marker.z"]}]
+    assert main(["diagnose", "arcfold", str(folder), "--out", str(tmp_path / "out")]) == 0
+    assert "No significant gap" in capsys.readouterr().out
+    assert main(arguments) == 1
+    assert "exists; allowed: a new or an empty folder" in capsys.readouterr().err
+
+
+def test_import_refuses_a_frame_rate_of_nothing(tmp_path, capsys):
+    arguments = ["import", "walk.csv", "--gait", "g", "--out", str(tmp_path / "out"), "--fps", "0"]
+    assert main(arguments) == 1
+    assert "--fps: found 0" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not HARDWARE.is_dir(), reason=f"no real trials in {HARDWARE} (GAITOPT_HARDWARE_DATA)")
+def test_the_real_trials(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(diagnosis, "propose", lambda *_: None)  # other trials show them, in less time
+    monkeypatch.setattr(diagnosis_report, "walked_gaits", lambda *_: [])
+    trials = {}
+    for name in ("4s", "1s"):
+        table = np.genfromtxt(HARDWARE / f"gait-{name}.csv", delimiter=",", names=True)
+        trials[name] = (f"square-{name}", {"t_s": table["t_s"], "x_m": table["x_m"]})
+    folder = dataset(tmp_path / "trials", trials)
+    few = ["--effects", "ground_slope"]
+    assert main(["diagnose", "arcfold", str(folder), "--out", str(tmp_path / "out"), "--json", *few]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {(row["trial"], row["name"]) for row in found["defects"]} >= {
+        ("4s", "marker_outliers"),
+        ("1s", "clock_rounding"),
+    }
+    slow = next(row for row in found["trials"] if row["name"] == "4s")
+    assert slow["offset_fitted"]
+    assert slow["offset_s"] == pytest.approx(2.0, abs=0.1)  # half a period, as the first rise shows
+    assert slow["signals"][0]["travel_measured"] == pytest.approx(0.037, abs=0.001)
+    assert found["gap"]["heldout_before_m"] > found["gap"]["floor_m"] > 0.0
+    assert any("0.1 s" in sentence for sentence in found["explanation"])
+
+
+@pytest.fixture(scope="module")
+def sloped(arcfold, tmp_path_factory):
+    """A short trial on a slope: a gap that takes fits to explain."""
+    columns = filmed(rollout(arcfold, "square-2s", 5.0, {"ground_slope": {"angle_rad": 0.08}}))
+    return dataset(tmp_path_factory.mktemp("data") / "sloped", {"slow": ("square-2s", columns)})
+
+
+def test_an_interrupted_diagnosis_goes_on_to_the_same_bits(sloped, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(diagnosis, "propose", lambda *_: None)  # which are not kept: they take seconds
+    monkeypatch.setattr(diagnosis_report, "walked_gaits", lambda *_: [])
+    few = ["--effects", "ground_slope,camera_tilt", "--quiet"]
+    whole, halted = tmp_path / "whole", tmp_path / "halted"
+    assert main(["diagnose", "arcfold", str(sloped), "--out", str(whole), *few]) == 0
+    assert not list(whole.glob("simulated-*"))
+    first, second = json.loads((whole / "diagnosis.json").read_text())["explanation"][:2]
+    assert first.startswith("ground_slope (all)")
+    assert "cosine" not in first
+    assert second.startswith("camera_tilt (all)")
+    assert "that of ground_slope have a cosine of" in second
+    simulated = fitting.predictions
+    count = itertools.count()
+
+    def pulled(*arguments):
+        if next(count) == 4:
+            raise KeyboardInterrupt
+        return simulated(*arguments)
+
+    monkeypatch.setattr(fitting, "predictions", pulled)
+    capsys.readouterr()
+    assert main(["diagnose", "arcfold", str(sloped), "--out", str(halted), "--workers", "1", *few]) == 130
+    said = capsys.readouterr().err
+    assert f"stopped after 4 robots; go on with: gaitopt diagnose arcfold {sloped} --resume {halted}" in said
+    assert not (halted / "diagnosis.json").exists()
+    monkeypatch.setattr(fitting, "predictions", simulated)
+    other = ["diagnose", "arcfold", str(sloped), "--resume", str(halted), "--seed", "2", *few]
+    assert main(other) == 1
+    assert "nothing was simulated there with this problem" in capsys.readouterr().err
+    assert main(["diagnose", "arcfold", str(sloped), "--resume", str(halted), *few]) == 0
+    assert (halted / "diagnosis.json").read_bytes() == (whole / "diagnosis.json").read_bytes()
+    assert {p.name for p in halted.iterdir()} == {p.name for p in whole.iterdir()}
+    capsys.readouterr()
+    assert main(["diagnose", "arcfold", str(sloped), "--resume", str(halted), "--json", *few]) == 0
+    assert capsys.readouterr().out == (whole / "diagnosis.json").read_text()
+
+
+def test_two_diagnoses_cannot_share_a_folder(trials, tmp_path, capsys):
+    out = tmp_path / "out"
+    out.mkdir()
+    with held(out):
+        assert main(["diagnose", "arcfold", str(trials), "--resume", str(out)]) == 1
+    assert "another run is working in this folder" in capsys.readouterr().err

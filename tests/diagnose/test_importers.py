@@ -1,0 +1,166 @@
+"""Importers: what tracking programs write, with their quirks, becomes a data set in SI units."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from gaitopt.core.errors import GaitoptError
+from gaitopt.diagnose.record.importers import Options, import_file, import_files
+
+COUNT = 12
+TIME = np.arange(COUNT) / 25.0
+X = 0.5 + 0.25 * np.arange(COUNT)
+Y = -1.0 - 0.5 * np.arange(COUNT)
+
+
+def comma(value):
+    return f"{value:.4f}".replace(".", ",").replace("-", "\N{MINUS SIGN}")
+
+
+def tracker_txt():
+    rows = [f"{comma(t)}\t{comma(x)}\t{comma(y)}" for t, x, y in zip(TIME, X, Y, strict=True)]
+    return "\n".join(["mass_A", "t\tx\ty", *rows])
+
+
+def tracker_csv():
+    rows = [f"{t:.3f},{i},{x},{y}," for i, (t, x, y) in enumerate(zip(TIME, X, Y, strict=True))]
+    rows[3] = f"{TIME[3]:.3f},3,,,"
+    return "\n".join([",mass A,,,", "t,frame,x,y,", *rows])
+
+
+def deeplabcut():
+    head = [
+        "scorer" + 6 * ",net",
+        "bodyparts,tail,tail,tail,nose,nose,nose",
+        "coords" + 2 * ",x,y,likelihood",
+    ]
+    rows = [
+        f"{i},0,0,0.9,{100 * x},{100 * y},{1e-4 if i == 4 else 0.99}"
+        for i, (x, y) in enumerate(zip(X, Y, strict=True))
+    ]
+    return "\n".join([*head, *rows])
+
+
+def sleap():
+    rows = [
+        f",{i},0.9,{100 * x},{100 * y},0.8" if i != 2 else ",2,0.9,,,"
+        for i, (x, y) in enumerate(zip(X, Y, strict=True))
+        if i != 6
+    ]
+    return "\n".join(["track,frame_idx,instance.score,nose.x,nose.y,nose.score", *rows])
+
+
+def kinovea():
+    rows = [f'"{1e3 * t:g}";"{comma(x)}";"{comma(y)}"' for t, x, y in zip(TIME, X, Y, strict=True)]
+    return "\n".join(['"Time";"foot/1/X";"foot/1/Y"', *rows])
+
+
+def plain():
+    rows = [f"{t},{1e3 * x},{1e3 * y},{10 * i}" for i, (t, x, y) in enumerate(zip(TIME, X, Y, strict=True))]
+    return "\n".join(["t_s,x_mm,z_mm,mid_left_deg", *rows])
+
+
+PIXELS = Options(fps=25.0, scale_m_per_px=0.01, marker="nose")
+
+
+def written(folder, text, name="walk.csv"):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "program", "up", "missing"),
+    [
+        (tracker_txt(), Options(), "Tracker", 1, []),
+        (tracker_csv(), Options(), "Tracker", 1, [3]),
+        (deeplabcut(), PIXELS, "DeepLabCut", -1, [4]),
+        (sleap(), PIXELS, "SLEAP", -1, [2]),
+        (kinovea(), Options(), "Kinovea", 1, []),
+        (plain(), Options(), "plain CSV", 1, []),
+    ],
+)
+def test_every_format(tmp_path, text, options, program, up, missing):
+    motion = import_file(written(tmp_path, text), options)
+    kept = [i for i in range(COUNT) if not (program == "SLEAP" and i == 6)]
+    assert motion.program == program
+    np.testing.assert_allclose(motion.time, TIME[kept], atol=1e-9)
+    x, z = X[kept].copy(), up * Y[kept]
+    for index in missing:
+        x[kept.index(index)] = z[kept.index(index)] = np.nan
+    np.testing.assert_allclose(motion.signals["marker.x"], x, atol=1e-9)
+    np.testing.assert_allclose(motion.signals["marker.z"], z, atol=1e-9)
+
+
+def test_what_was_changed_is_said(tmp_path):
+    named = {defect.name for defect in import_file(written(tmp_path, deeplabcut()), PIXELS).defects}
+    assert {"pixels", "unlikely_points", "gaps"} <= named
+    named = {defect.name: defect for defect in import_file(written(tmp_path, sleap()), PIXELS).defects}
+    assert "1 frame missing" in named["gaps"].message
+
+
+def test_other_joints_and_the_view_from_above(tmp_path):
+    motion = import_file(written(tmp_path, plain()), Options())
+    np.testing.assert_allclose(motion.signals["joint.mid_left"], np.deg2rad(10.0 * np.arange(COUNT)))
+    motion = import_file(written(tmp_path, tracker_txt()), Options(view="top", length_unit="cm"))
+    np.testing.assert_allclose(motion.signals["marker.y"], 0.01 * Y)
+
+
+def test_kinovea_in_seconds(tmp_path):
+    motion = import_file(written(tmp_path, kinovea()), Options(time_unit="s"))
+    np.testing.assert_allclose(motion.time, 1e3 * TIME)
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "said"),
+    [
+        (deeplabcut(), Options(scale_m_per_px=1.0, marker="nose"), "--fps"),
+        (deeplabcut(), Options(fps=25.0, marker="nose"), "--scale-m-per-px"),
+        (deeplabcut(), Options(fps=25.0, scale_m_per_px=1.0), "--marker: tail, nose"),
+        (sleap(), Options(fps=25.0, scale_m_per_px=1.0, marker="tail"), "unknown point 'tail'"),
+        (kinovea(), Options(time_unit="min"), "--time-unit: found 'min'; allowed: s, ms"),
+        (tracker_txt(), Options(view="front"), "--view"),
+        ("a,b\n1,2\n", Options(), "not an export of Tracker"),
+        ("", Options(), "empty"),
+        ("t_s,x_px\n0,1\n", Options(), "_m, _cm, _mm"),
+        ("t_s,speed\n0,1\n1,2\n", Options(), "no column such as x_m"),
+        ("t_s,x_m\n0,1\n0.2,1\n0.1,2\n", Options(), "time goes backward after 0.2 s"),
+        ("t_s,x_m\n0,\n0.1,\n0.2,\n", Options(), "fewer than three samples"),
+        ("mass_A\nt\tx\ty\n0\tone\t2\n", Options(), "line 3, column x: found 'one'"),
+    ],
+)
+def test_one_line_says_what_is_wrong(tmp_path, text, options, said):
+    with pytest.raises(GaitoptError) as caught:
+        import_file(written(tmp_path, text), options)
+    assert said in str(caught.value)
+
+
+def test_a_data_set_of_several_files(tmp_path):
+    files = [written(tmp_path, tracker_txt(), "a.txt"), written(tmp_path, tracker_csv(), "b.csv")]
+    out = tmp_path / "trials"
+    import_files(files, ["square-1s", "square-2s"], out, Options(sync_at_s=1.5))
+    content = tomllib.loads((out / "dataset.toml").read_text())
+    assert [trial["gait"] for trial in content["trial"]] == ["square-1s", "square-2s"]
+    assert content["trial"][0]["starts_at_gait_time_s"] == -1.5
+    assert content["trial"][1]["signals"] == {"marker.x": "x_m", "marker.z": "z_m"}
+    assert (out / "b.csv").read_text().splitlines()[4] == "0.12,,"
+
+
+def test_nothing_is_overwritten_or_left_half_written(tmp_path):
+    good, bad = written(tmp_path, tracker_txt(), "a.txt"), written(tmp_path, "what\n", "b.csv")
+    out = tmp_path / "trials"
+    with pytest.raises(GaitoptError, match="not an export"):
+        import_files([good, bad], ["square-1s"], out, Options())
+    assert not out.exists()
+    import_files([good], ["square-1s"], out, Options())
+    before = {path: path.read_bytes() for path in out.iterdir()}
+    with pytest.raises(GaitoptError, match="exists; allowed: a new or an empty folder"):
+        import_files([good], ["square-2s"], out, Options())
+    assert {path: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_one_gait_or_one_each(tmp_path):
+    file = written(tmp_path, tracker_txt())
+    with pytest.raises(GaitoptError, match="found 2 for 1 files"):
+        import_files([file], ["a", "b"], tmp_path / "out", Options())

@@ -1,0 +1,27 @@
+"""Cycles that differ as no effect of the library makes them: something else, not a cause."""
+
+import numpy as np
+from planting import SIGNALS, dataset, filmed
+
+from gaitopt.blind.disturbances import OUTSIDE, disturbed
+from gaitopt.diagnose.diagnosis import diagnose
+from gaitopt.diagnose.judge.unevenness import UNEVEN
+from gaitopt.diagnose.record.dataset import load_dataset
+from gaitopt.optimise.executors import open_executor
+from gaitopt.simulation.rollout import Simulator
+
+
+def test_a_servo_that_limps_is_something_else(arcfold, tmp_path):
+    """Though an effect of the library may take a good part of the gap away."""
+    simulator = Simulator.build(arcfold)
+    limping = OUTSIDE["limping_servo"]
+    robot = disturbed(simulator, limping, limping.draw(np.random.default_rng(1), 0.9, simulator))
+    walk = robot.observe(robot.run(arcfold.baselines["square-1s"], duration=7.0))
+    trials = {"limping": ("square-1s", filmed(walk))}
+    folder = dataset(tmp_path / "data", trials, starts_at_gait_time_s=0.0)
+    with open_executor("threads", 2) as executor:
+        data = load_dataset(folder, arcfold, list(SIGNALS))
+        found = diagnose(simulator, data, executor, 1, next_gait=False, among=("pad_friction",)).to_dict()
+    assert found["unevenness"] > UNEVEN
+    assert found["verdict"] in ("unexplained", "partly_explained")
+    assert found["other_probability"] > 0.5

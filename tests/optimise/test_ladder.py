@@ -1,0 +1,190 @@
+"""The fidelity ladder: a rung that ranks gaits as the working fidelity does is used, another one refused."""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import STRIDER
+
+from gaitopt.cli import app as cli
+from gaitopt.gait.gait import Gait
+from gaitopt.optimise import ladder, study
+from gaitopt.optimise.evaluator import Evaluator, Outcome, Setting
+from gaitopt.optimise.executors import SerialExecutor, open_executor
+from gaitopt.optimise.journal import WORKING, Journal, at_rung
+from gaitopt.optimise.run import Optimised, Request, optimise
+from gaitopt.problem.problem import Problem
+from gaitopt.runs.results import summary_of
+from gaitopt.simulation.objective import Evaluation
+from gaitopt.simulation.rollout import NOMINAL
+
+BUDGET = 60
+
+
+@dataclass(frozen=True)
+class Known(Evaluator):
+    """Judges gaits by their periods: backwards with a longer step, or with a shorter horizon, or never."""
+
+    longer: int = 1
+    shorter: int = 1
+
+    def __call__(self, gaits: Sequence[Gait]) -> list[tuple[Evaluation, list[Outcome]]]:
+        problem = self.setting.problem
+        sign = self.longer if self.setting.fidelity != problem.simulation.working else 1
+        sign *= self.shorter if problem.simulation.horizon.measured_s < 0.6 else 1
+        return [(Evaluation(sign * g.period_s, {}, {}, "ok"), [Outcome({}, "ok", 2.0)]) for g in gaits]
+
+
+def gaits_of(problem: Problem) -> list[Gait]:
+    return [problem.space.decode(point) for point in study.quasi_random(problem.space, 8, 1)]
+
+
+def setting_of(problem: Problem) -> Setting:
+    return Setting.of(problem, (NOMINAL,), problem.simulation.working)
+
+
+@pytest.mark.parametrize(
+    ("longer", "shorter", "used", "timestep_s", "measured_s"),
+    [
+        (1, 1, [True, True], 4e-3, 0.3),
+        (-1, 1, [False, True], 2e-3, 0.3),
+        (1, -1, [True, False], 4e-3, 0.6),
+        (-1, -1, [False, False], 2e-3, 0.6),
+        (0, 0, [False, False], 2e-3, 0.6),
+    ],
+)
+def test_the_search_descends_as_far_as_ranks_hold(
+    strider: Problem, longer: int, shorter: int, used: list[bool], timestep_s: float, measured_s: float
+) -> None:
+    evaluator = Known(setting_of(strider), SerialExecutor(), longer=longer, shorter=shorter)
+    gaits = gaits_of(strider)
+    lowest, rungs = ladder.descended(evaluator, gaits, np.array([gait.period_s for gait in gaits]))
+    assert [rung.used for rung in rungs] == used
+    assert [rung.name for rung in rungs] == ["longer timestep", "shorter horizon"]
+    assert all(rung.simulated_s == 16.0 for rung in rungs)
+    assert rungs[0].rank_correlation == pytest.approx(longer)
+    setting = lowest.setting
+    assert setting.fidelity.timestep_s == timestep_s
+    assert setting.problem.simulation.horizon.measured_s == measured_s
+    assert (lowest is evaluator) == (not any(used))
+    assert setting.scenarios == evaluator.setting.scenarios
+
+
+def test_a_rung_is_half_as_dear_and_all_else_the_same(strider: Problem) -> None:
+    setting = setting_of(strider)
+    lower = ladder.shorter(ladder.coarser(setting))
+    assert lower.fidelity.integrator == setting.fidelity.integrator
+    horizon = lower.problem.simulation.horizon
+    assert (horizon.transient_s, horizon.measured_s) == (0.15, 0.3)
+    assert (horizon.transient_cycles, horizon.measured_cycles) == (1, 1)
+    assert lower.problem.baselines == setting.problem.baselines
+    assert lower.problem.file.objective == setting.problem.file.objective
+    assert len({setting.key, lower.key, ladder.coarser(setting).key, ladder.shorter(setting).key}) == 4
+
+
+# --- in a search ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def trusting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Use every rung, whatever it is worth, in small searches, too."""
+    monkeypatch.setattr(ladder, "TRUSTED", -1.0)
+    monkeypatch.setattr(study, "_LADDER_FROM", 20)
+
+
+def searched(problem: Problem, path: Path, workers: int = 1) -> Optimised:
+    with open_executor("threads", workers) as executor:
+        return optimise(problem, Request(seed=2, budget=BUDGET), Journal(path, problem), executor)
+
+
+@pytest.mark.usefixtures("trusting")
+def test_what_leads_on_a_lower_rung_is_judged_again(strider: Problem, tmp_path: Path) -> None:
+    optimised = searched(strider, tmp_path / "evaluations.csv")
+    entries = optimised.entries
+    assert len(entries) == BUDGET
+    runs = [(method, rung) for method, rung in dict.fromkeys((e.method, e.rung) for e in entries)]
+    assert runs == [
+        ("quasi-random", WORKING),
+        ("cma-es", WORKING),
+        ("cma-es", study.LOWER),
+        ("nelder-mead", WORKING),
+    ]
+    lower = at_rung(entries, study.LOWER)
+    again = [e for e in at_rung(entries) if e.index > lower[-1].index and e.method == "cma-es"]
+    leaders = sorted(lower, key=lambda e: (e.evaluation.cost, e.index))[:5]
+    assert [e.point.tolist() for e in again] == [e.point.tolist() for e in leaders]
+    assert [e.evaluation.cost for e in again] != [e.evaluation.cost for e in leaders]
+    spent = sum(e.simulated_s for e in entries) + sum(rung.simulated_s for rung in optimised.rungs)
+    assert optimised.simulated_s > spent
+    said = summary_of(strider, optimised)["fidelity_ladder"]
+    assert [(rung["timestep_s"], rung["measured_s"], rung["used"]) for rung in said] == [
+        (4e-3, 0.6, True),
+        (4e-3, 0.3, True),
+    ]
+
+
+@pytest.mark.usefixtures("trusting")
+def test_only_gaits_of_the_working_fidelity_can_win(strider: Problem, tmp_path: Path) -> None:
+    """Though a lower rung flatters all of its gaits."""
+    path = tmp_path / "evaluations.csv"
+    searched(strider, path)
+    lines = list(csv.DictReader(path.read_text().splitlines()))
+    for row in lines:
+        if row["rung"] == study.LOWER:
+            row["cost"] = repr(float(row["cost"]) - 1.0)
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, lines[0], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(lines)
+    evaluator = Evaluator(setting_of(strider), SerialExecutor())
+    resumed = study.Study(evaluator, Journal(path, strider), BUDGET, 2)
+    resumed.entries = list(resumed.journal.entries)
+    assert resumed.best.rung == WORKING
+
+
+@pytest.mark.usefixtures("trusting")
+@pytest.mark.parametrize("rows", [3, 6, 11, 20, 29, 46, 51, 55])
+def test_a_laddered_search_is_resumed_to_the_same_bits(strider: Problem, tmp_path: Path, rows: int) -> None:
+    whole, path = tmp_path / "whole.csv", tmp_path / "evaluations.csv"
+    expected = summary_of(strider, searched(strider, whole))
+    path.write_text("".join(whole.read_text().splitlines(keepends=True)[: 1 + rows]))
+    found = summary_of(strider, searched(strider, path, workers=2))
+    assert path.read_text() == whole.read_text()
+    assert expected | {"wall_s": 0.0} == found | {"wall_s": 0.0}
+
+
+def test_a_refused_ladder_changes_nothing_but_what_is_said(
+    strider: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Over one scenario: over several, the first population does not race."""
+    one, other = tmp_path / "one.csv", tmp_path / "other.csv"
+    assert searched(strider, one).rungs == []
+    monkeypatch.setattr(study, "_LADDER_FROM", 20)
+    monkeypatch.setattr(ladder, "TRUSTED", 1.1)
+    rungs = searched(strider, other).rungs
+    assert [rung.used for rung in rungs] == [False, False]
+    assert rungs[1].timestep_s == strider.simulation.working.timestep_s
+    assert one.read_text() == other.read_text()
+
+
+@pytest.mark.usefixtures("trusting")
+def test_a_front_is_made_of_gaits_of_one_rung(strider: Problem, tmp_path: Path) -> None:
+    request = Request(seed=2, budget=2 * BUDGET, pareto=True)
+    path = tmp_path / "evaluations.csv"
+    optimised = optimise(strider, request, Journal(path, strider), SerialExecutor())
+    assert {entry.rung for entry in optimised.entries} == {WORKING}
+    assert optimised.rungs == []
+
+
+@pytest.mark.usefixtures("trusting")
+def test_the_report_says_how_low_the_search_went(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    arguments = ["--budget", str(BUDGET), "--seed", "2", "--out", str(folder), "--quiet"]
+    assert cli.main(["optimise", str(STRIDER), *arguments]) == 0
+    page = (folder / "report.html").read_text().replace("\N{NO-BREAK SPACE}", " ")
+    for lower in ("longer timestep (0.004 s steps, 0.6 s", "shorter horizon (0.004 s steps, 0.3 s"):
+        assert f"{lower} measured): rank correlation " in page
+    assert page.count(", used") == 2

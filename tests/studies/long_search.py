@@ -1,0 +1,95 @@
+"""How much better is the best gait that 20,000 evaluations find than the winner of a plain run?
+
+    python tests/studies/long_search.py --out results/long-search
+
+One nominal scenario of ArcFold, the file's horizon, the coarsest step whose ranking holds. Half of the gaits
+go to CMA-ES from the best planned elite, half to CMA-ES from the best of 1,000 quasi-random gaits; both
+restart with doubled populations at random points. The winner, and those of plain runs named by ``--runs``,
+are then simulated in 32 scenarios that no search has seen, at the working fidelity. Where the folder holds
+the long search's winner it is not searched for again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+from rivals import COARSEST
+
+from gaitopt.core.files import write_text
+from gaitopt.gait.gait import Gait, write_gait
+from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.executors import open_executor
+from gaitopt.optimise.solvers import cma_es
+from gaitopt.optimise.solvers.solution import Box
+from gaitopt.optimise.study import quasi_random
+from gaitopt.plan.plan import Planner
+from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.simulation.rollout import NOMINAL, draw_scenarios
+
+FIRST = 1000
+SCENARIOS = 32
+
+
+def main() -> None:
+    """Search where that has not been done, compare, and write ``long-search.json`` and the winner."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--budget", type=int, default=20_000)
+    parser.add_argument("--runs", nargs="*", default=["results/arcfold"], help="run folders to compare with")
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    kept, winner = options.out / "long-search.json", options.out / "best.toml"
+    problem = load_problem("arcfold")
+    working = problem.simulation.working
+    with open_executor("threads", None) as executor:
+        fast = Setting.of(problem, (NOMINAL,), working.model_copy(update=COARSEST))
+        nominal = Evaluator(fast, executor, problem.file.objective.search_margin)
+        if winner.exists():
+            costs = json.loads(kept.read_text())["costs"]
+        else:
+            best, costs = search(problem, nominal, options.budget)
+            write_gait(winner, best)
+        gaits = [problem.find_gait(name) for name in [str(winner), *options.runs]]
+        unseen = Setting.of(problem, draw_scenarios(problem, SCENARIOS, (977,)), working)
+        judged, first = Evaluator(unseen, executor)(gaits), nominal(gaits)
+    rows = [
+        {
+            "gait": name,
+            "cost_nominal": alone.cost,
+            "speed_m_s": evaluation.metrics["speed_m_s"],
+            "violations": dict(evaluation.violations),
+        }
+        for name, (evaluation, _), (alone, _) in zip(
+            ["long search", *options.runs], judged, first, strict=True
+        )
+    ]
+    content = json.dumps({"costs": costs, "gaits": rows}, indent=1)
+    write_text(kept, content + "\n")
+    print(content)
+
+
+def search(problem: Problem, evaluator: Evaluator, budget: int) -> tuple[Gait, dict[str, float]]:
+    """Return the better of a planned and a cold search, half of the budget each, and the costs of both."""
+    space = problem.space
+    box = Box(space.circular)
+
+    def costs(points: np.ndarray) -> np.ndarray:
+        return np.array([e.cost for e, _ in evaluator([space.decode(point) for point in points])])
+
+    elites = np.array([space.encode(elite.gait) for elite in Planner(problem).plan().elites])
+    drawn = quasi_random(space, FIRST, 1)
+    found = {}
+    for name, points, spent in (("planned", elites, 0), ("cold", drawn, FIRST)):
+        start = points[costs(points).argmin()]
+        rng = np.random.default_rng([20, spent])
+        found[name] = cma_es.minimise(costs, box, start, 0.15, budget // 2 - spent, rng)
+        print(name, found[name], flush=True)
+    best = space.decode(min(found.values(), key=lambda solution: solution.cost).x, "long-search")
+    return best, {name: solution.cost for name, solution in found.items()}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,62 @@
+"""A search as `gaitopt optimise` makes it, without its folder: what studies watch, or change a part of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from gaitopt.core.streams import Stream
+from gaitopt.gait.gait import Gait
+from gaitopt.optimise.evaluator import Setting
+from gaitopt.optimise.journal import Journal
+from gaitopt.optimise.study import Study
+from gaitopt.optimise.verification import scenarios_of
+from gaitopt.plan.plan import Planner, PlanSettings
+from gaitopt.problem.problem import Problem
+
+Starts = list[tuple[Gait, float]]
+
+
+def planned(problem: Problem, seed: int) -> tuple[Gait, ...]:
+    """Return the gaits of a plan."""
+    return tuple(elite.gait for elite in Planner(problem, PlanSettings(seed=seed)).plan().elites)
+
+
+def setting_of(problem: Problem, seed: int) -> Setting:
+    """Return what a search of a seed judges gaits at."""
+    return Setting.of(
+        problem, scenarios_of(problem, seed, Stream.SEARCH_SCENARIOS), problem.simulation.working
+    )
+
+
+def judged(evaluator: Any) -> Starts:
+    """Return the baselines with their costs, which a search begins with."""
+    baselines = list(evaluator.setting.problem.baselines.values())
+    return [(gait, one.cost) for gait, (one, _) in zip(baselines, evaluator(baselines), strict=True)]
+
+
+def search(
+    evaluator: Any,
+    budget: int,
+    seed: int,
+    starts: Starts,
+    elites: Sequence[Gait] = (),
+    laddered: bool = False,
+) -> Study:
+    """Return a search by the default method once it has spent its budget.
+
+    Args:
+        evaluator: an `Evaluator`, or what stands in its place.
+        budget: gaits, beside the baselines.
+        seed: of the search.
+        starts: the baselines with their costs.
+        elites: gaits of a plan; without them the search starts cold.
+        laddered: whether it may descend to cheaper rungs.
+    """
+    with TemporaryDirectory() as folder:
+        journal = Journal(Path(folder) / "evaluations.csv", evaluator.setting.problem)
+        study = Study(evaluator, journal, budget, seed)
+        study.run("default", starts, elites, laddered=laddered)
+    return study

@@ -1,0 +1,251 @@
+"""How fast is the real robot's servo? Two real trials beside the model, for a range of servos.
+
+    python tests/studies/servo_choice.py --trials DIR --out results/convergence
+
+DIR holds the trials gait-4s.csv and gait-1s.csv, with columns t_s and x_m of the marker; without them
+the row of the real robot is left out. Writes servo.csv: stride, rise, setback and rise time at periods
+of 4 and 1 s, and the speed at 0.5 s, for each choice of the servo, the contact and some dimensions.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from convergence import (
+    HORIZON,
+    NOMINAL,
+    Choice,
+    Row,
+    Table,
+    contact_stiffness,
+    figure,
+    fingerprint,
+    loop_stiffness,
+    perturbed,
+    standard_error,
+)
+from numpy.typing import NDArray
+
+from gaitopt.gait.gait import Gait
+from gaitopt.problem.model import Robot
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation.metrics import measure
+from gaitopt.simulation.rollout import Simulator
+
+STARTS = 8
+RISE_WINDOW_S = 0.75
+LEAD_S = 0.05
+"""Cycles are counted from this long before the robot extends."""
+
+EXTENDS_AT = 0.25
+"""Share of the baselines' cycle at which the middle hinge begins to straighten."""
+
+REAL = "real robot"
+SERVOS = (0.0233, 0.03, 0.035, 0.04, 0.045, 0.05, 0.055, 0.06, 0.07)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A recording: its file, its gait's period, and the whole cycles in it that are used.
+
+    Attributes:
+        file: name in the trials' folder.
+        gait: the baseline that was commanded.
+        from_s: recording time just before the first rise that is used.
+        cycles: number of whole cycles from there.
+    """
+
+    file: str
+    gait: str
+    from_s: float
+    cycles: int
+
+
+TRIALS = (Trial("gait-4s.csv", "square-4s", 2.85, 6), Trial("gait-1s.csv", "square-1s", 0.95, 9))
+"""The 1 s trial is used up to 10 s: after that its time stamps are rounded to 0.1 s."""
+
+SPEED_GAIT = "square-0.5s"
+
+CHOICES = (
+    *(Choice(f"b_motor {b:g}", {"b_motor": b}) for b in SERVOS),
+    Choice("b_motor 0.0233, torque_limit 0.15", {"b_motor": 0.0233, "torque_limit": 0.15}),
+    Choice("torque_limit 0.18", {"torque_limit": 0.18}),
+    Choice("k_motor 2", {"k_motor": 2.0}),
+    Choice("k_motor 5", {"k_motor": 5.0}),
+    Choice("armature 5e-5", {"armature": 5e-5}),
+    Choice("armature 2e-4", {"armature": 2e-4}),
+    Choice("mu_tape 1.0", {"mu_tape": 1.0}),
+    Choice("mu_base 0.35", {"mu_base": 0.35}),
+    Choice("mass_module 0.017", {"mass_module": 0.017}),
+    Choice("pads 3 mm thick", mjcf={"default/default[@class='pad']/geom/@size": "0.005 0.0125 0.0015"}),
+    Choice("pads 4.8 mm thick", mjcf={"default/default[@class='pad']/geom/@size": "0.005 0.0125 0.0024"}),
+    Choice("contact solref 0.005", mjcf=contact_stiffness(0.005)),
+    Choice("contact solref 0.02", mjcf=contact_stiffness(0.02)),
+    Choice("impratio 1", mjcf={"option/@impratio": "1"}),
+    Choice("impratio 100", mjcf={"option/@impratio": "100"}),
+    Choice("pyramidal, impratio 10", mjcf={"option/@cone": "pyramidal"}),
+    Choice("loop solref 0.002", mjcf=loop_stiffness(0.002)),
+    Choice("loop solref 0.01", mjcf=loop_stiffness(0.01)),
+)
+
+WELD = "loop closed by a weld"
+
+Features = dict[str, NDArray[np.float64]]
+
+
+def features(
+    time: NDArray[np.float64], forward: NDArray[np.float64], period: float, begin: float, cycles: int
+) -> Features:
+    """Return what each cycle's extension does.
+
+    Args:
+        time: s, shape (n,).
+        forward: position of the marker, m, shape (n,).
+        period: of the gait, s.
+        begin: when the first cycle begins, just before a rise, s.
+        cycles: how many.
+
+    Returns:
+        Per cycle: ``stride``, net travel, mm; ``rise``, from the least to the largest position in the
+        window around the extension, mm; ``setback``, what is lost of the rise within the cycle, mm;
+        ``rise_time``, from a tenth to nine tenths of the rise, s.
+    """
+    starts = begin + period * np.arange(cycles + 1)
+    stride = np.diff(np.interp(starts, time, forward))
+    rise, rise_time = np.empty(cycles), np.empty(cycles)
+    for i, start in enumerate(starts[:-1]):
+        window = (time >= start) & (time < start + RISE_WINDOW_S)
+        clock, position = time[window], forward[window]
+        top = int(position.argmax())
+        bottom = int(position[: top + 1].argmin())
+        clock, position = clock[bottom : top + 1], position[bottom : top + 1]
+        rise[i] = position[-1] - position[0]
+        tenth, nine_tenths = position[0] + np.array([0.1, 0.9]) * rise[i]
+        left = int(np.flatnonzero(position <= tenth)[-1])
+        reached = int(np.flatnonzero(position >= nine_tenths)[0])
+        rise_time[i] = _crossing(clock, position, reached - 1, nine_tenths) - _crossing(
+            clock, position, left, tenth
+        )
+    return {
+        "stride": 1e3 * stride,
+        "rise": 1e3 * rise,
+        "setback": 1e3 * (rise - stride),
+        "rise_time": rise_time,
+    }
+
+
+def _crossing(time: NDArray[np.float64], forward: NDArray[np.float64], before: int, level: float) -> float:
+    """Return when a level is crossed upward between two samples: recordings have few of them in a rise."""
+    pair = slice(before, before + 2)
+    return float(np.interp(level, forward[pair], time[pair]))
+
+
+def columns(found: Features, gait: str) -> Row:
+    """Return the table's cells about one gait: mean and standard error of each feature."""
+    cells = {}
+    for name, values in found.items():
+        unit = "s" if name == "rise_time" else "mm"
+        label = f"{name}_{gait.removeprefix('square-')}"
+        cells[f"{label}_{unit}"] = figure(values.mean(), 4)
+        cells[f"{label}_se_{unit}"] = figure(standard_error(values), 2)
+    return cells
+
+
+def real(trials: Path) -> Row:
+    """Return the row of the real robot; its standard errors are over cycles."""
+    row = {}
+    for trial in TRIALS:
+        with (trials / trial.file).open(newline="", encoding="utf-8") as file:
+            samples = np.array([(float(r["t_s"]), float(r["x_m"])) for r in csv.DictReader(file)])
+        period = NOMINAL.problem().baselines[trial.gait].period_s
+        found = features(samples[:, 0], samples[:, 1], period, trial.from_s, trial.cycles)
+        row |= columns(found, trial.gait)
+    return row | dict.fromkeys(("speed_0.5s_mm_s", "speed_0.5s_se_mm_s", "sideways_0.5s_mm_s"), "")
+
+
+def extensions(simulator: Simulator, gait: Gait, executor: Executor) -> Row:
+    """Return the cells about a gait of the model; its standard errors are over starts."""
+    transient, measured = HORIZON.cycles(gait.period_s)
+    begin = (transient + EXTENDS_AT) * gait.period_s - LEAD_S
+    duration = begin + measured * gait.period_s + RISE_WINDOW_S
+
+    def one(scenario: int) -> Features:
+        trajectory = simulator.run(gait, scenario, duration)
+        return features(trajectory.time, trajectory["marker.x"], gait.period_s, begin, measured)
+
+    runs = list(executor.map(one, range(STARTS)))
+    return columns({name: np.array([run[name].mean() for run in runs]) for name in runs[0]}, gait.name)
+
+
+def simulated(problem: Problem, executor: Executor) -> Row:
+    """Return the row of one choice of the model."""
+    simulator = Simulator.build(problem, perturbed(STARTS))
+    robot = Robot.of(simulator.models[0])
+    row = {}
+    for trial in TRIALS:
+        row |= extensions(simulator, problem.baselines[trial.gait], executor)
+    gait = problem.baselines[SPEED_GAIT]
+    runs = executor.map(lambda i: measure(problem, gait, simulator.run(gait, i), robot), range(STARTS))
+    measured = list(runs)
+    speed, sideways = (1e3 * np.array([m[k] for m in measured]) for k in ("speed_m_s", "sideways_m_s"))
+    row["speed_0.5s_mm_s"] = figure(speed.mean(), 4)
+    row["speed_0.5s_se_mm_s"] = figure(standard_error(speed), 2)
+    row["sideways_0.5s_mm_s"] = figure(sideways.mean(), 4)
+    for channel in problem.channel_names:
+        shares = [m[f"reached.{channel}"] for m in measured]
+        row[f"reached_0.5s_{channel}"] = figure(float(np.mean(shares)), 3)
+    return row
+
+
+@contextmanager
+def welded() -> Iterator[Problem]:
+    """Give the nominal problem with its loop closed by a weld, as drawn, in place of joint angles."""
+    problem = NOMINAL.problem()
+    root = ET.fromstring(problem.model_path.read_text(encoding="utf-8"))
+    equality = root.find("equality")
+    assert equality is not None
+    equality.clear()
+    ET.SubElement(equality, "weld", body1="tail_right", body2="tail_bot")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / problem.model_path.name
+        path.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
+        yield replace(problem, model_path=path)
+
+
+def fill(table: Table, name: str, problem: Problem, executor: Executor) -> None:
+    """Add the row of a choice unless it is there."""
+    key = {"choice": name, "model": fingerprint(problem)}
+    table.fill(key, lambda: [simulated(problem, executor)])
+
+
+def main() -> None:
+    """Run the study."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--trials", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--threads", type=int, default=2)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    table = Table(options.out / "servo.csv", ("choice", "model"))
+    if options.trials and all((options.trials / trial.file).is_file() for trial in TRIALS):
+        table.fill({"choice": REAL, "model": ""}, lambda: [real(options.trials)])
+    else:
+        print(f"no real trials in {options.trials}: their row is left as it is")
+    with ThreadPoolExecutor(options.threads) as executor:
+        for choice in CHOICES:
+            fill(table, choice.name, choice.problem(), executor)
+        with welded() as problem:
+            fill(table, WELD, problem, executor)
+
+
+if __name__ == "__main__":
+    main()

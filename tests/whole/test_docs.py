@@ -1,0 +1,186 @@
+"""README, tutorial, API page and help: every command and example in them, run as written.
+
+Budgets are lowered to ``GAITOPT_DOCS_BUDGET`` (3 unless set), and ArcFold is a copy with a short horizon
+and few scenarios. Set-up and the test command itself are left out. At full budget it is
+`tests/studies/walk.py`, by hand.
+"""
+
+import argparse
+import contextlib
+import functools
+import os
+import re
+import shlex
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib
+import pytest
+from helpers import brief_studies
+from planting import dataset, filmed
+
+from gaitopt.cli import app as cli
+from gaitopt.cli import demo
+from gaitopt.cli.demo import demo_problem
+from gaitopt.core.files import write_text
+from gaitopt.optimise.run import Request
+from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.report import diagnosis_report
+from gaitopt.report.film import video
+from gaitopt.report.film.video import opengl_is_missing
+from gaitopt.simulation.rollout import Simulator
+
+ROOT = Path(__file__).parents[2]
+BUDGET = int(os.environ.get("GAITOPT_DOCS_BUDGET", "3"))
+PART = re.compile(
+    r"^(?:Save it as `(?P<file>\S+)`:\n\n)?```(?P<kind>\w*)\n(?P<text>.*?)^```"  # a block
+    r"|^\| `(?P<row>gaitopt [^`]+)`",  # a row of a table
+    flags=re.M | re.S,
+)
+SETTING_UP = "python3 -m venv"
+
+needs_opengl = pytest.mark.skipif(opengl_is_missing(), reason="no OpenGL: apt install libegl1 libosmesa6")
+
+
+@pytest.fixture
+def workplace(
+    quick_folder: Path, quick: Problem, in_a_folder_of_its_own: Path, monkeypatch: pytest.MonkeyPatch
+) -> Path:
+    """A folder in which the bundled names mean quick copies; plans have few starts, films few pictures."""
+    for module, name, value in brief_studies():
+        monkeypatch.setattr(module, name, value)
+    monkeypatch.setattr(video, "FPS", 2.0)
+    monkeypatch.setattr(video, "LOOP_RATES", (2.0,))
+    few = functools.partial(diagnosis_report.diagnose, among=["ground_slope", "camera_scale"])
+    monkeypatch.setattr(diagnosis_report, "diagnose", few)
+    monkeypatch.setattr(demo, "demo_problem", lambda: quick)
+    monkeypatch.setattr(demo, "REQUEST", Request(budget=BUDGET))
+    for name in ("arcfold", "arcfold-published"):
+        shutil.copytree(quick_folder, name)
+    return in_a_folder_of_its_own
+
+
+def lowered(command: str) -> str:
+    """The command with a small budget: few gaits, one brief blind case, two effects."""
+    if command.startswith("gaitopt diagnose"):
+        command += " --effects ground_slope,camera_scale"
+    command = re.sub(r"--cases \d+", "--cases 1 --gaits square-1s --seconds 3", command)
+    if re.match(r"gaitopt optimise(?!.*--resume)", command):
+        command = re.sub(r"\s--budget \d+", "", command) + f" --budget {BUDGET} --quiet"
+    return command
+
+
+def execute(command: str) -> None:
+    """Run one line: gaitopt in this process, anything else in a shell."""
+    command = command.partition(" > ")[0]
+    if command.startswith("gaitopt "):
+        with contextlib.redirect_stdout(None):
+            assert cli.main(shlex.split(lowered(command))[1:]) == 0, command
+    else:
+        subprocess.run(["bash", "-euc", command], check=True)
+
+
+def commands_in(text: str, folder: Path = Path()) -> Iterator[str]:
+    """Every command of a page in order, in blocks and in tables; files that it shows go into a folder."""
+    for part in PART.finditer(text):
+        if part["row"]:
+            yield part["row"]
+        elif part["file"]:
+            write_text(folder / part["file"], part["text"])
+        elif not part["kind"] and SETTING_UP not in part["text"]:
+            yield from part["text"].strip().splitlines()
+
+
+def readme() -> list[str]:
+    """The README's commands in order, each once, and those of its example where the table has them."""
+    return list(dict.fromkeys(commands_in((ROOT / "README.md").read_text())))
+
+
+def film_of_a_robot(path: Path) -> None:
+    """Write what Tracker would: a marker that creeps forward."""
+    rows = "\n".join(f"{0.05 * i:.2f}\t{0.001 * i:.4f}\t0.0000" for i in range(60))
+    write_text(path, f"mass_A\nt\tx\ty\n{rows}\n")
+
+
+@needs_opengl
+@pytest.mark.usefixtures("workplace")
+def test_the_readmes_commands() -> None:
+    film_of_a_robot(Path("walk.txt"))
+    found = readme()
+    assert len(found) >= 15
+    for command in found:
+        execute(command)
+
+
+@needs_opengl
+@pytest.mark.usefixtures("workplace")
+def test_the_tutorials_commands() -> None:
+    found = list(commands_in((ROOT / "docs" / "tutorial.md").read_text()))
+    assert [c.split()[1] for c in found if c.startswith("gaitopt")][-1] == "export"
+    for command in found:
+        execute(command)
+    assert (Path("run") / "report.html").is_file()
+    assert (Path("first-look") / "report.html").is_file()
+    assert list(Path("player").iterdir())
+
+
+@needs_opengl
+@pytest.mark.usefixtures("workplace")
+def test_the_api_pages_examples(quick: Problem, capsys: pytest.CaptureFixture[str]) -> None:
+    weak = Simulator.build(quick.with_effects({"servo_torque_limit": {"limit_n_m": 0.1, "target": "all"}}))
+    walked = weak.run(quick.baselines["square-1s"], duration=3.2)
+    dataset(Path("trials"), {"weak": ("square-1s", filmed(weak.observe(walked), signals=("marker.x",)))})
+    blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "api.md").read_text(), flags=re.M | re.S)
+    names: dict[str, object] = {}
+    for block in blocks:
+        exec(block.replace("budget=300", f"budget={BUDGET}"), names)
+    printed = capsys.readouterr().out
+    assert "mm/s" in printed
+    assert re.search(r"^explained \['servo_torque_limit'\]", printed, flags=re.M)
+    assert matplotlib.get_backend().lower() == "agg"
+    assert {path.name for path in Path().iterdir()} >= {
+        "walk.svg",
+        "gait.pdf",
+        "search.png",
+        "map.png",
+        "beside.webp",
+    }
+    assert (Path("found") / "report.html").is_file()
+    assert (Path("found") / "corrected.toml").is_file()
+
+
+@needs_opengl
+@pytest.mark.usefixtures("workplace")
+def test_the_examples_of_the_help() -> None:
+    film_of_a_robot(Path("walk.txt"))
+    arcfold = Path("arcfold") / "arcfold.xml"
+    write_text(Path("walker.xml"), arcfold.read_text())
+    found = dict(examples(cli.build_parser(), "gaitopt"))
+    assert {"gaitopt blind make", "gaitopt blind score"} < set(found)
+    assert all(command.startswith(name) for name, command in found.items())
+    run_elsewhere = readme()
+    first = [found["gaitopt import"], found["gaitopt new"]]
+    for command in dict.fromkeys([*first, *found.values()]):
+        if command not in run_elsewhere:
+            execute(command)
+
+
+def examples(parser: argparse.ArgumentParser, name: str) -> Iterator[tuple[str, str]]:
+    """Yield every command, and every action of one, with its example."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for word, sub in action.choices.items():
+                yield f"{name} {word}", (sub.epilog or "").removeprefix("example: ")
+                yield from examples(sub, f"{name} {word}")
+
+
+def test_the_demos_problem_is_shorter_than_the_real_one() -> None:
+    problem, real = demo_problem(), load_problem("arcfold")
+    gait = problem.baselines["square-1s"]
+    assert problem.file.scenarios.verification < real.file.scenarios.verification
+    assert sum(problem.simulation.horizon.cycles(gait.period_s)) < sum(
+        real.simulation.horizon.cycles(gait.period_s)
+    )
+    assert problem.file.parameters == real.file.parameters
