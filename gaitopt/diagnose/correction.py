@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import Stream, generator
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.solvers import cma_es
 from gaitopt.optimise.solvers.solution import Box
 from gaitopt.plan.plan import Planner, PlanSettings
@@ -21,6 +21,7 @@ from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import NOMINAL, Simulator
+from gaitopt.simulation.setup import RobotSetup
 
 PERIODS_S = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
 """Periods at which the first baseline's wave is predicted."""
@@ -91,7 +92,7 @@ def _planned(problem: Problem) -> list[Gait]:
 
 def _tuned(problem: Problem, starts: Sequence[Gait], executor: Executor) -> Gait:
     """Return the best gait of a brief search from the best of some starts, in the nominal scenario."""
-    setting = Setting.of(problem, (NOMINAL,), problem.simulation.working)
+    setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
     evaluator = Evaluator(setting, executor, problem.file.objective.search_margin)
     space = problem.space
 

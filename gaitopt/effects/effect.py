@@ -217,6 +217,10 @@ class Effect:
     loop: Callable[[Parts, float], Update] | None = None
     observe: Callable[[Trajectory, float, Parts, np.random.Generator], Trajectory] | None = None
 
+    def __reduce__(self) -> tuple[Callable[[str], Effect], tuple[str]]:
+        """Travel to another process by name: hooks are functions, and every process has the library."""
+        return _by_name, (self.name,)
+
     @property
     def changes_robot(self) -> bool:
         """Whether it changes the robot or its commands, not the measurement alone."""
@@ -261,3 +265,9 @@ class Effect:
         lower = "" if low == -math.inf else f"above {low:g}" if strict else f"at least {low:g}"
         upper = "" if high == math.inf else f"at most {high:g}"
         return " and ".join(filter(None, (lower, upper))) or "a finite number"
+
+
+def _by_name(name: str) -> Effect:
+    from gaitopt.effects import EFFECTS  # which imports this file
+
+    return EFFECTS[name]

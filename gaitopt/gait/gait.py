@@ -7,6 +7,7 @@ timing of a gait does not move when it is smoothed, and smoothing 0 is exactly t
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -128,6 +129,21 @@ class Gait:
         cycles = np.asarray(t, dtype=float) / self.period_s
         waves = [channel.targets(cycles, edge_tolerance) for channel in self.channels.values()]
         return np.stack(waves, axis=-1)
+
+    @property
+    def key(self) -> str:
+        """Equal for two gaits that command the same, whatever their names."""
+        return json.dumps(self.to_dict())
+
+    @property
+    def block_s(self) -> float:
+        """Length of the blocks in which a trial is judged, s: one cycle."""
+        return self.period_s
+
+    @property
+    def duration_s(self) -> None:
+        """A gait goes on without end."""
+        return None
 
     def peak_command_speed(self) -> NDArray[np.float64]:
         """Return the largest commanded speed of each channel, rad/s, shape (nu,); inf for square waves.

@@ -12,10 +12,11 @@ import numpy as np
 from gaitopt.core.errors import GaitoptError, unknown_name
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Channel, Gait
-from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.verification import interval90, scenarios_of
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.setup import RobotSetup
 
 Row = dict[str, Any]
 
@@ -27,7 +28,7 @@ def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Execut
     scenario. A ratio to a gait that may not go forward at all means nothing, and is None.
     """
     scenarios = scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS)
-    evaluator = Evaluator(Setting.of(problem, scenarios, problem.simulation.working), executor)
+    evaluator = Evaluator(RobotSetup.of(problem, scenarios, problem.simulation.working), executor)
     rows: list[Row] = []
     first: np.ndarray | None = None
     for gait, (evaluation, outcomes) in zip(gaits, evaluator(gaits), strict=True):
@@ -122,7 +123,7 @@ def sweep(points: Sequence[tuple[Problem, Gait]], executor: Executor) -> list[Ro
     """Return one row of metrics per point, on the nominal robot."""
     rows = []
     for problem, gait in points:
-        setting = Setting.of(problem, (NOMINAL,), problem.simulation.working)
+        setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
         evaluation, outcomes = Evaluator(setting, executor)([gait])[0]
         row: Row = {"name": gait.name, "period_s": gait.period_s, "status": outcomes[0].status}
         rows.append(row | {"constraints_met": evaluation.constraints_met} | outcomes[0].metrics)

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-import threading
 from collections.abc import Sequence
 from concurrent.futures import CancelledError, Executor
 from dataclasses import dataclass, replace
-from functools import cache
-from importlib.metadata import version
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.gait.gait import Gait
-from gaitopt.problem.model import Robot, carrying
-from gaitopt.problem.problem import Fidelity, Problem
+from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import Metrics, measure
 from gaitopt.simulation.objective import Evaluation, evaluate
-from gaitopt.simulation.rollout import Scenario, Simulator
+from gaitopt.simulation.setup import RobotSetup, prepared
 
 RACED_ON = 2.0 / 3.0
 """Share of a population that is simulated in every scenario. Of the three best of twelve neighbours none
@@ -25,45 +20,6 @@ is lost so, and with half of them one in eleven; see ``results/profile``."""
 
 DROPPED = "dropped"
 """How the status of a gait begins that the race has dropped."""
-
-_KEPT = 8
-"""Compiled settings that a worker keeps, the latest ones."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What a gait is evaluated in: the robot, the scenarios, the fidelity.
-
-    It is a value: a worker on another machine needs no file of the problem's.
-
-    Attributes:
-        problem: the problem, with the content of its files.
-        scenarios: the scenarios, the same for every gait.
-        fidelity: timestep and integrator.
-        key: equal for equal settings, so that a worker compiles each once.
-        versions: what the figures depend on beside the setting; a worker has to run the same.
-    """
-
-    problem: Problem
-    scenarios: tuple[Scenario, ...]
-    fidelity: Fidelity
-    key: str
-    versions: str
-
-    @staticmethod
-    def of(problem: Problem, scenarios: Sequence[Scenario], fidelity: Fidelity) -> Setting:
-        """Return a setting with its key."""
-        problem = carrying(problem)
-        file = problem.to_toml(problem.model_path.name)
-        content = (file, sorted((problem.carried or {}).items()), tuple(scenarios), repr(fidelity))
-        key = hashlib.sha256(repr(content).encode()).hexdigest()
-        return Setting(problem, tuple(scenarios), fidelity, key, versions())
-
-
-@cache
-def versions() -> str:
-    """Return the versions that the bits of a result depend on."""
-    return ", ".join(f"{name} {version(name)}" for name in ("gaitopt", "mujoco", "numpy"))
 
 
 @dataclass(frozen=True)
@@ -75,11 +31,11 @@ class Outcome:
     simulated_s: float
 
 
-def assess(setting: Setting, gait: Gait, scenario: int) -> Outcome:
+def assess(setup: RobotSetup, gait: Gait, scenario: int) -> Outcome:
     """Simulate and measure one gait in one scenario: the unit of work of every executor."""
-    simulator, robot = _prepared(setting)
+    simulator, robot = prepared(setup)
     trajectory = simulator.run(gait, scenario)
-    metrics = measure(setting.problem, gait, trajectory, robot)
+    metrics = measure(setup.problem, gait, trajectory, robot)
     return Outcome(metrics, trajectory.status, simulator.duration(gait))
 
 
@@ -88,28 +44,28 @@ class Evaluator:
     """A setting and the executor that works on it.
 
     Attributes:
-        setting: robot, scenarios and fidelity.
+        setup: robot, scenarios and fidelity.
         executor: where the rollouts run.
         margin: share by which every limit is tightened (see `Objective.search_margin`).
     """
 
-    setting: Setting
+    setup: RobotSetup
     executor: Executor
     margin: float = 0.0
 
     def outcomes(self, gaits: Sequence[Gait], scenarios: Sequence[int] | None = None) -> list[list[Outcome]]:
         """Return the outcome of each gait in each scenario, or in some of them, in the order asked for."""
-        scenarios = range(len(self.setting.scenarios)) if scenarios is None else scenarios
+        scenarios = range(len(self.setup.scenarios)) if scenarios is None else scenarios
         submit = self.executor.submit
         try:
-            futures = [[submit(assess, self.setting, gait, s) for s in scenarios] for gait in gaits]
+            futures = [[submit(assess, self.setup, gait, s) for s in scenarios] for gait in gaits]
             return [[future.result() for future in row] for row in futures]
         except CancelledError:
             raise GaitoptError("--executor: the connection to its workers was lost") from None
 
     def __call__(self, gaits: Sequence[Gait]) -> list[tuple[Evaluation, list[Outcome]]]:
         """Return evaluation and outcomes of each gait, in the order asked for."""
-        return [(judge(self.setting.problem, row, self.margin), row) for row in self.outcomes(gaits)]
+        return [(judge(self.setup.problem, row, self.margin), row) for row in self.outcomes(gaits)]
 
     def race(self, gaits: Sequence[Gait]) -> list[tuple[Evaluation, list[Outcome]]]:
         """Return evaluation and outcomes of each gait; the worst in the first scenario see no other one.
@@ -117,10 +73,10 @@ class Evaluator:
         `RACED_ON` of the gaits see them all. The others cost at least what the worst of these costs, and
         their status says that they were dropped.
         """
-        count = len(self.setting.scenarios)
+        count = len(self.setup.scenarios)
         if count == 1:
             return self(gaits)
-        problem, first = self.setting.problem, self.outcomes(gaits, [0])
+        problem, first = self.setup.problem, self.outcomes(gaits, [0])
         alone = [judge(problem, row, self.margin) for row in first]
         ranked = sorted(range(len(gaits)), key=lambda i: (alone[i].cost, i))
         kept = sorted(ranked[: math.ceil(RACED_ON * len(gaits))])
@@ -145,22 +101,3 @@ def _dropped(evaluation: Evaluation, worst: float, count: int) -> Evaluation:
 def judge(problem: Problem, outcomes: Sequence[Outcome], margin: float = 0.0) -> Evaluation:
     """Return the evaluation of one gait from its outcomes, every limit tightened by `margin`."""
     return evaluate(problem, [o.metrics for o in outcomes], [o.status for o in outcomes], margin)
-
-
-_simulators: dict[str, tuple[Simulator, Robot]] = {}
-_compiling = threading.Lock()
-
-
-def _prepared(setting: Setting) -> tuple[Simulator, Robot]:
-    """Return this process's simulator of a setting, compiled on first use."""
-    with _compiling:
-        if setting.key not in _simulators:
-            if setting.versions != versions():
-                raise GaitoptError(
-                    f"--executor: found a worker with {versions()}; allowed: {setting.versions}, as here"
-                )
-            while len(_simulators) >= _KEPT:
-                del _simulators[next(iter(_simulators))]
-            simulator = Simulator.build(setting.problem, setting.scenarios, setting.fidelity)
-            _simulators[setting.key] = simulator, Robot.of(simulator.models[0])
-        return _simulators[setting.key]

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.evaluator import Evaluator
+from gaitopt.simulation.setup import RobotSetup
 
 TRUSTED = 0.9
 """Rank correlation from which a rung is used. Another start pose, which is chance, ranks ArcFold's gaits at
@@ -60,33 +61,36 @@ def descended(
     """
     rungs = []
     for name, lower in _STEPS.items():
-        candidate = replace(evaluator, setting=lower(evaluator.setting))
+        candidate = replace(evaluator, setup=lower(evaluator.setup))
         judged = candidate(gaits)
         correlation = _spearman(costs, np.array([evaluation.cost for evaluation, _ in judged]))
         used = correlation >= TRUSTED
         spent = sum(outcome.simulated_s for _, row in judged for outcome in row)
-        setting = candidate.setting
+        setting = candidate.setup
         measured_s = setting.problem.simulation.horizon.measured_s
         rungs.append(Rung(name, setting.fidelity.timestep_s, measured_s, correlation, used, spent))
         evaluator = candidate if used else evaluator
     return evaluator, rungs
 
 
-def coarser(setting: Setting) -> Setting:
+def coarser(setting: RobotSetup) -> RobotSetup:
     """Return a setting with a longer timestep."""
     step = {"timestep_s": FACTOR * setting.fidelity.timestep_s}
-    return Setting.of(setting.problem, setting.scenarios, setting.fidelity.model_copy(update=step))
+    return RobotSetup.of(setting.problem, setting.scenarios, setting.fidelity.model_copy(update=step))
 
 
-def shorter(setting: Setting) -> Setting:
+def shorter(setting: RobotSetup) -> RobotSetup:
     """Return a setting with a shorter horizon, of as many whole cycles as the problem asks for at least."""
     horizon = setting.problem.simulation.horizon
     times = {"transient_s": horizon.transient_s / FACTOR, "measured_s": horizon.measured_s / FACTOR}
     problem = setting.problem.with_horizon(horizon.model_copy(update=times))
-    return Setting.of(problem, setting.scenarios, setting.fidelity)
+    return RobotSetup.of(problem, setting.scenarios, setting.fidelity)
 
 
-_STEPS: dict[str, Callable[[Setting], Setting]] = {"longer timestep": coarser, "shorter horizon": shorter}
+_STEPS: dict[str, Callable[[RobotSetup], RobotSetup]] = {
+    "longer timestep": coarser,
+    "shorter horizon": shorter,
+}
 
 
 def _spearman(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:

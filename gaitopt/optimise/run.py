@@ -14,7 +14,7 @@ from scipy import stats
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import DROPPED, Evaluator, Setting
+from gaitopt.optimise.evaluator import DROPPED, Evaluator
 from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
 from gaitopt.optimise.ladder import Rung
 from gaitopt.optimise.pareto import FrontGait, front_of, thinned, verified_front
@@ -24,6 +24,7 @@ from gaitopt.plan.plan import Elite, Plan, Planner, PlanSettings
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.objective import check_objective
 from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.setup import RobotSetup
 
 DEFAULT_BUDGET = 600
 
@@ -95,7 +96,7 @@ def optimise(
     """
     began = time.monotonic()
     check_objective(problem)
-    setting = Setting.of(
+    setting = RobotSetup.of(
         problem, scenarios_of(problem, request.seed, Stream.SEARCH_SCENARIOS), problem.simulation.working
     )
     margin = problem.file.objective.search_margin
@@ -192,8 +193,8 @@ def _best_elite(entries: Sequence[Entry], elites: Sequence[Elite]) -> Elite | No
 
 def _correlation(evaluator: Evaluator, planner: Planner, seed: int) -> tuple[float | None, float]:
     """Return how well planar and MuJoCo speeds rank alike over random gaits, and the seconds simulated."""
-    setting = evaluator.setting
-    nominal = Evaluator(Setting.of(setting.problem, (NOMINAL,), setting.fidelity), evaluator.executor)
+    setting = evaluator.setup
+    nominal = Evaluator(RobotSetup.of(setting.problem, (NOMINAL,), setting.fidelity), evaluator.executor)
     points = quasi_random(setting.problem.space, _SAMPLE, seed)
     gaits = [setting.problem.space.decode(point) for point in points]
     outcomes = [row[0] for row in nominal.outcomes(gaits)]
@@ -216,7 +217,7 @@ def _select(
     The search's own best is the luckiest on its few scenarios; a fresh draw is not so easily fooled.
     """
     scenarios = scenarios_of(problem, seed, Stream.SELECTION_SCENARIOS)
-    setting = Setting.of(problem, scenarios, problem.simulation.working)
+    setting = RobotSetup.of(problem, scenarios, problem.simulation.working)
     evaluator = Evaluator(setting, executor, problem.file.objective.search_margin)
     judged = evaluator([gait for gait, _ in finalists])
     costs = [evaluation.cost for evaluation, _ in judged]

@@ -13,10 +13,11 @@ from scipy import stats
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem
+from gaitopt.simulation.setup import RobotSetup
 
 GAIT_STEP = 0.05
 """Step of a gait's number, as a share of its range."""
@@ -59,7 +60,7 @@ def sensitivities(problem: Problem, gait: Gait, seed: int, executor: Executor) -
     scenarios = scenarios_of(problem, seed, Stream.SENSITIVITY_SCENARIOS)
 
     def speeds(changed: Problem, gaits: Sequence[Gait]) -> NDArray[np.float64]:
-        setting = Setting.of(changed, scenarios, changed.simulation.working)
+        setting = RobotSetup.of(changed, scenarios, changed.simulation.working)
         rows = Evaluator(setting, executor).outcomes(gaits)
         return np.array([[outcome.metrics["speed_m_s"] for outcome in row] for row in rows])
 

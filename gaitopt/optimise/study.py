@@ -90,7 +90,7 @@ class Study:
         self.entries: list[Entry] = []
         self.rungs: list[ladder.Rung] = []
         self._lowest = evaluator
-        self._space = evaluator.setting.problem.space
+        self._space = evaluator.setup.problem.space
         self._recorded = list(journal.entries)
         self._on_progress = on_progress
 

@@ -11,10 +11,11 @@ from scipy import stats
 
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.rollout import Scenario, draw_scenarios
+from gaitopt.simulation.setup import RobotSetup
 
 _SELECTION_SCENARIOS = 8
 
@@ -51,7 +52,7 @@ class Verified:
         return float(self.speeds.min())
 
 
-def scenarios_of(problem: Problem, seed: int, stream: int) -> tuple[Scenario, ...]:
+def scenarios_of(problem: Problem, seed: int, stream: Stream) -> tuple[Scenario, ...]:
     """Return the scenarios of one stream of a run.
 
     Args:
@@ -67,7 +68,7 @@ def scenarios_of(problem: Problem, seed: int, stream: int) -> tuple[Scenario, ..
 def verify(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executor) -> list[Verified]:
     """Return each gait at the reference fidelity over the verification scenarios."""
     scenarios = scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS)
-    evaluator = Evaluator(Setting.of(problem, scenarios, problem.simulation.reference), executor)
+    evaluator = Evaluator(RobotSetup.of(problem, scenarios, problem.simulation.reference), executor)
     verified = []
     for gait, (evaluation, outcomes) in zip(gaits, evaluator(gaits), strict=True):
         speeds = np.array([outcome.metrics["speed_m_s"] for outcome in outcomes])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -124,6 +124,13 @@ class Simulator:
         return Simulator(
             problem, fidelity, tuple(scenarios), models, tuple(signals), effects, threading.local()
         )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what travels to another process: everything but this thread's MuJoCo data."""
+        return {name: value for name, value in vars(self).items() if name != "_local"}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        vars(self).update(state, _local=threading.local())
 
     def at(self, fidelity: Fidelity) -> Simulator:
         """Return the same robot and scenarios at another fidelity."""

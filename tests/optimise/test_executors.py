@@ -20,11 +20,12 @@ from gaitopt.cli import app as cli
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator, Outcome, Setting, assess, versions
+from gaitopt.optimise.evaluator import Evaluator, Outcome, assess
 from gaitopt.optimise.executors import ProcessExecutor, SerialExecutor, open_executor
 from gaitopt.optimise.study import quasi_random
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.simulation.setup import RobotSetup, versions
 
 TETRAHEDRON = b"v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 
@@ -41,8 +42,10 @@ def end(_: int) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def setting(problem: Problem) -> Setting:
-    return Setting.of(problem, scenarios_of(problem, 1, Stream.SEARCH_SCENARIOS), problem.simulation.working)
+def setting(problem: Problem) -> RobotSetup:
+    return RobotSetup.of(
+        problem, scenarios_of(problem, 1, Stream.SEARCH_SCENARIOS), problem.simulation.working
+    )
 
 
 def gaits(problem: Problem, count: int = 6) -> list[Gait]:

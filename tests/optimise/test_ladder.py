@@ -12,7 +12,7 @@ from helpers import STRIDER
 from gaitopt.cli import app as cli
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise import ladder, study
-from gaitopt.optimise.evaluator import Evaluator, Outcome, Setting
+from gaitopt.optimise.evaluator import Evaluator, Outcome
 from gaitopt.optimise.executors import SerialExecutor, open_executor
 from gaitopt.optimise.journal import WORKING, Journal, at_rung
 from gaitopt.optimise.run import Optimised, Request, optimise
@@ -20,6 +20,7 @@ from gaitopt.problem.problem import Problem
 from gaitopt.runs.results import summary_of
 from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.setup import RobotSetup
 
 BUDGET = 60
 
@@ -42,8 +43,8 @@ def gaits_of(problem: Problem) -> list[Gait]:
     return [problem.space.decode(point) for point in study.quasi_random(problem.space, 8, 1)]
 
 
-def setting_of(problem: Problem) -> Setting:
-    return Setting.of(problem, (NOMINAL,), problem.simulation.working)
+def setting_of(problem: Problem) -> RobotSetup:
+    return RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +71,7 @@ def test_the_search_descends_as_far_as_ranks_hold(
     assert setting.fidelity.timestep_s == timestep_s
     assert setting.problem.simulation.horizon.measured_s == measured_s
     assert (lowest is evaluator) == (not any(used))
-    assert setting.scenarios == evaluator.setting.scenarios
+    assert setting.scenarios == evaluator.setup.scenarios
 
 
 def test_a_rung_is_half_as_dear_and_all_else_the_same(strider: Problem) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import DROPPED, RACED_ON, Evaluator, Setting
+from gaitopt.optimise.evaluator import DROPPED, RACED_ON, Evaluator
 from gaitopt.optimise.executors import SerialExecutor, open_executor
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import _failure_notes
@@ -18,6 +18,7 @@ from gaitopt.optimise.study import Study, quasi_random
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.objective import FAILED_COST
+from gaitopt.simulation.setup import RobotSetup
 
 BUDGET = 30
 
@@ -30,8 +31,10 @@ def varied(strider: Problem) -> Problem:
     return Problem.from_file(file, strider.source, strider.model_path)
 
 
-def setting(problem: Problem) -> Setting:
-    return Setting.of(problem, scenarios_of(problem, 1, Stream.SEARCH_SCENARIOS), problem.simulation.working)
+def setting(problem: Problem) -> RobotSetup:
+    return RobotSetup.of(
+        problem, scenarios_of(problem, 1, Stream.SEARCH_SCENARIOS), problem.simulation.working
+    )
 
 
 def gaits_of(problem: Problem) -> list[Gait]:
@@ -56,8 +59,8 @@ def test_the_worst_in_the_first_scenario_see_no_other(varied: Problem) -> None:
             assert evaluation.cost == max(alone[i], worst)
 
 
-def _first(problem: Problem) -> Setting:
-    return Setting.of(
+def _first(problem: Problem) -> RobotSetup:
+    return RobotSetup.of(
         problem, scenarios_of(problem, 1, Stream.SEARCH_SCENARIOS)[:1], problem.simulation.working
     )
 

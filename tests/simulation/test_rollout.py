@@ -13,7 +13,7 @@ from helpers import same_bits, still
 
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator, Setting, judge
+from gaitopt.optimise.evaluator import Evaluator, judge
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.model import Robot, build_model, start_targets
@@ -22,6 +22,7 @@ from gaitopt.robot.trajectory import UNITS
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.objective import FAILED_COST
 from gaitopt.simulation.rollout import NOMINAL, Scenario, Simulator, draw_scenarios, servo_commands
+from gaitopt.simulation.setup import RobotSetup
 
 EXPLODING = {"k_servo": 1e7, "torque_limit": 1e12}
 """Parameters with which the strider's simulation diverges at the first motion."""
@@ -40,7 +41,7 @@ def gaits(problem: Problem, count: int) -> list[Gait]:
 @pytest.mark.parametrize("robot", ["quick", "strider"])
 def test_every_executor_gives_the_same_bits(robot: str, request: pytest.FixtureRequest) -> None:
     problem = request.getfixturevalue(robot)
-    setting = Setting.of(problem, draw_scenarios(problem, 2, (1,)), problem.simulation.working)
+    setting = RobotSetup.of(problem, draw_scenarios(problem, 2, (1,)), problem.simulation.working)
     asked = gaits(problem, 3)
     with open_executor("serial") as executor:
         expected = Evaluator(setting, executor).outcomes(asked)
@@ -52,7 +53,7 @@ def test_every_executor_gives_the_same_bits(robot: str, request: pytest.FixtureR
 
 
 def test_processes_give_the_same_bits(strider: Problem) -> None:
-    setting = Setting.of(strider, draw_scenarios(strider, 2, (1,)), strider.simulation.working)
+    setting = RobotSetup.of(strider, draw_scenarios(strider, 2, (1,)), strider.simulation.working)
     asked = gaits(strider, 2)
     with open_executor("serial") as serial, open_executor("processes", 2) as processes:
         expected = Evaluator(setting, serial).outcomes(asked)
@@ -113,7 +114,7 @@ def test_rollouts_after_a_divergence_are_unaffected(strider: Problem, command: f
 def test_a_failed_scenario_fails_the_gait(strider: Problem) -> None:
     broken = strider.with_parameters(EXPLODING)
     with open_executor("serial") as executor:
-        setting = Setting.of(broken, (NOMINAL, NOMINAL), broken.simulation.working)
+        setting = RobotSetup.of(broken, (NOMINAL, NOMINAL), broken.simulation.working)
         evaluator = Evaluator(setting, executor)
         evaluation, outcomes = evaluator([broken.baselines["square"]])[0]
         rest, _ = evaluator([still(broken)])[0]

@@ -37,7 +37,6 @@ from gaitopt.diagnose.diagnosis import diagnose
 from gaitopt.diagnose.fit.cache import Memory
 from gaitopt.diagnose.fit.fitting import ALIKE
 from gaitopt.diagnose.fit.hypotheses import RECORD_DEFECTS
-from gaitopt.diagnose.gap.predict import gait_key
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.effects import EFFECTS
 from gaitopt.optimise.executors import open_executor
@@ -127,7 +126,7 @@ def main() -> None:
 def longest(problem: Problem) -> dict[str, float]:
     """Return how long a diagnosis may have to simulate each gait, s."""
     gaits = [problem.baselines[name] for name in GAITS]
-    return {gait_key(g): max(SECONDS, 2.1 * g.period_s) + max(g.period_s, 0.3) for g in gaits}
+    return {g.key: max(SECONDS, 2.1 * g.period_s) + max(g.period_s, 0.3) for g in gaits}
 
 
 def run_case(

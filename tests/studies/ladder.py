@@ -34,18 +34,19 @@ from searches import judged, setting_of
 
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise import ladder, run, study
-from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import WORKING
 from gaitopt.optimise.verification import verify
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.simulation.setup import RobotSetup
 
 NEIGHBOURS = 16
 
 CASES = {"arcfold": ("arcfold", True, 6, 150), "strider": (ROBOTS / "strider", False, 15, 400)}
 """Problem, whether it is planned, seeds, and gaits of a search."""
 
-RUNGS: dict[str, Callable[[Setting], Setting]] = {
+RUNGS: dict[str, Callable[[RobotSetup], RobotSetup]] = {
     "longer timestep": ladder.coarser,
     "shorter horizon": ladder.shorter,
     "both": lambda setting: ladder.shorter(ladder.coarser(setting)),
@@ -85,16 +86,16 @@ def ranks(case: str, seed: int) -> dict[str, Any]:
     moved = start + spread * np.random.default_rng([seed, 99]).standard_normal((NEIGHBOURS, len(start)))
     moved = np.where(problem.space.circular, moved, moved.clip(0.0, 1.0))
     gaits = [problem.space.decode(point) for point in moved]
-    setting = evaluator.setting
+    setting = evaluator.setup
     chance = tuple(replace(s, pose_seed=s.pose_seed + 12345) for s in setting.scenarios)
     settings = {name: lower(setting) for name, lower in RUNGS.items()}
-    settings["other start poses"] = Setting.of(problem, chance, setting.fidelity)
-    settings["reference"] = Setting.of(problem, setting.scenarios, problem.simulation.reference)
+    settings["other start poses"] = RobotSetup.of(problem, chance, setting.fidelity)
+    settings["reference"] = RobotSetup.of(problem, setting.scenarios, problem.simulation.reference)
     settings["working"] = setting
     found, cpu_s = {}, {}
     for name, one in settings.items():
         began = time.process_time()
-        found[name] = costs(replace(evaluator, setting=one), gaits)
+        found[name] = costs(replace(evaluator, setup=one), gaits)
         cpu_s[name] = round(time.process_time() - began, 3)
 
     def against(name: str) -> dict[str, float]:

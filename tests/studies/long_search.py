@@ -20,7 +20,7 @@ from rivals import COARSEST
 
 from gaitopt.core.files import write_text
 from gaitopt.gait.gait import Gait, write_gait
-from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.solvers import cma_es
 from gaitopt.optimise.solvers.solution import Box
@@ -28,6 +28,7 @@ from gaitopt.optimise.study import quasi_random
 from gaitopt.plan.plan import Planner
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.rollout import NOMINAL, draw_scenarios
+from gaitopt.simulation.setup import RobotSetup
 
 FIRST = 1000
 SCENARIOS = 32
@@ -45,7 +46,7 @@ def main() -> None:
     problem = load_problem("arcfold")
     working = problem.simulation.working
     with open_executor("threads", None) as executor:
-        fast = Setting.of(problem, (NOMINAL,), working.model_copy(update=COARSEST))
+        fast = RobotSetup.of(problem, (NOMINAL,), working.model_copy(update=COARSEST))
         nominal = Evaluator(fast, executor, problem.file.objective.search_margin)
         if winner.exists():
             costs = json.loads(kept.read_text())["costs"]
@@ -53,7 +54,7 @@ def main() -> None:
             best, costs = search(problem, nominal, options.budget)
             write_gait(winner, best)
         gaits = [problem.find_gait(name) for name in [str(winner), *options.runs]]
-        unseen = Setting.of(problem, draw_scenarios(problem, SCENARIOS, (977,)), working)
+        unseen = RobotSetup.of(problem, draw_scenarios(problem, SCENARIOS, (977,)), working)
         judged, first = Evaluator(unseen, executor)(gaits), nominal(gaits)
     rows = [
         {

@@ -27,7 +27,6 @@ from gaitopt.blind.scoring import mean, rate
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
 from gaitopt.diagnose.diagnosis import Diagnosis, diagnose
-from gaitopt.diagnose.gap.predict import gait_key
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.gait.gait import Gait, write_gait
 from gaitopt.optimise.executors import open_executor
@@ -119,7 +118,7 @@ def main() -> None:
     kept = options.out / "next-experiment.jsonl"
     rows = read_kept(kept, options.seed)
     first = problem.baselines[FIRST]
-    longest = {gait_key(first): filmed_s(first, SECONDS)}
+    longest = {first.key: filmed_s(first, SECONDS)}
     with open_executor("threads", None) as executor, shared_rollouts(longest):
         made = maker(problem, [FIRST], SECONDS, SIGNALS, executor)
         study = Study(made, options.seed, executor)

@@ -35,7 +35,7 @@ from scipy.stats import qmc
 from searches import judged, planned, search
 
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator, Outcome, Setting
+from gaitopt.optimise.evaluator import Evaluator, Outcome
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.solvers import cma_es
 from gaitopt.plan.plan import Planner
@@ -43,6 +43,7 @@ from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.metrics import METRICS
 from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.setup import RobotSetup
 
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 
@@ -68,7 +69,7 @@ class PlanarEvaluator:
     """Speed of the planar model's periodic motion, in the place of an `Evaluator`."""
 
     def __init__(self, problem: Problem):
-        self.setting = Setting.of(problem, (NOMINAL,), problem.simulation.working)
+        self.setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
         self._planner = Planner(problem)
         names = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
         self._unknown = dict.fromkeys(names, math.nan)
@@ -102,7 +103,7 @@ class BlackBox:
     def __post_init__(self) -> None:
         self.costs: list[float] = []
         self.simulated_s: list[float] = []
-        self.space = self.evaluator.setting.problem.space
+        self.space = self.evaluator.setup.problem.space
         self.dimension = len(self.space.variables)
 
     def __call__(self, point: Any) -> float:
@@ -127,7 +128,7 @@ def evaluator_of(case: str) -> Any:
     fidelity = problem.simulation.working
     if case == "arcfold":
         fidelity = fidelity.model_copy(update=COARSEST)
-    return Evaluator(Setting.of(problem, (NOMINAL,), fidelity), SerialExecutor())
+    return Evaluator(RobotSetup.of(problem, (NOMINAL,), fidelity), SerialExecutor())
 
 
 # --- rivals -----------------------------------------------------------------------------------
@@ -159,7 +160,7 @@ def pycma(box: BlackBox, seed: int, x0: Point | None = None) -> None:
 
 def pycma_from_baseline(box: BlackBox, seed: int) -> None:
     """The same from the best of the hand-tuned gaits, which are counted."""
-    points = [box.space.encode(gait) for gait in box.evaluator.setting.problem.baselines.values()]
+    points = [box.space.encode(gait) for gait in box.evaluator.setup.problem.baselines.values()]
     costs = [box(point) for point in points]
     pycma(box, seed, points[int(np.argmin(costs))])
 
@@ -279,7 +280,7 @@ class Recorded:
 
     def __init__(self, case: str):
         self.evaluator = evaluator_of(case)
-        self.setting = self.evaluator.setting
+        self.setting = self.evaluator.setup
         self.budget, self.plans = CASES[case], case == "arcfold"
         self.costs: list[float] = []
         self.simulated_s: list[float] = []

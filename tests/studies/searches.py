@@ -9,12 +9,12 @@ from typing import Any
 
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Setting
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.study import Study
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.plan.plan import Planner, PlanSettings
 from gaitopt.problem.problem import Problem
+from gaitopt.simulation.setup import RobotSetup
 
 Starts = list[tuple[Gait, float]]
 
@@ -24,16 +24,16 @@ def planned(problem: Problem, seed: int) -> tuple[Gait, ...]:
     return tuple(elite.gait for elite in Planner(problem, PlanSettings(seed=seed)).plan().elites)
 
 
-def setting_of(problem: Problem, seed: int) -> Setting:
+def setting_of(problem: Problem, seed: int) -> RobotSetup:
     """Return what a search of a seed judges gaits at."""
-    return Setting.of(
+    return RobotSetup.of(
         problem, scenarios_of(problem, seed, Stream.SEARCH_SCENARIOS), problem.simulation.working
     )
 
 
 def judged(evaluator: Any) -> Starts:
     """Return the baselines with their costs, which a search begins with."""
-    baselines = list(evaluator.setting.problem.baselines.values())
+    baselines = list(evaluator.setup.problem.baselines.values())
     return [(gait, one.cost) for gait, (one, _) in zip(baselines, evaluator(baselines), strict=True)]
 
 
@@ -56,7 +56,7 @@ def search(
         laddered: whether it may descend to cheaper rungs.
     """
     with TemporaryDirectory() as folder:
-        journal = Journal(Path(folder) / "evaluations.csv", evaluator.setting.problem)
+        journal = Journal(Path(folder) / "evaluations.csv", evaluator.setup.problem)
         study = Study(evaluator, journal, budget, seed)
         study.run("default", starts, elites, laddered=laddered)
     return study

@@ -15,7 +15,6 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from gaitopt.diagnose.gap.predict import gait_key
 from gaitopt.effects.active import Active
 from gaitopt.gait.gait import Gait
 from gaitopt.robot.trajectory import Trajectory
@@ -39,7 +38,7 @@ def shared_rollouts(longest: Mapping[str, float]) -> Iterator[None]:
     def run(
         robot: Simulator, gait: Gait, scenario: int = 0, duration: float | None = None, poses: bool = False
     ) -> Trajectory:
-        most = longest.get(gait_key(gait), 0.0)
+        most = longest.get(gait.key, 0.0)
         if duration is None or duration > most or poses or type(robot.effects) is not Active:
             return own(robot, gait, scenario, duration, poses)
         key = _key(robot, gait, scenario)
@@ -65,7 +64,7 @@ def _key(robot: Simulator, gait: Gait, scenario: int) -> str:
     model = robot.models[scenario]
     content = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, content)
-    said = (robot.scenarios[scenario], robot.effects.settings, robot.fidelity, gait_key(gait))
+    said = (robot.scenarios[scenario], robot.effects.settings, robot.fidelity, gait.key)
     return hashlib.sha256(content.tobytes() + repr(said).encode()).hexdigest()
 
 

@@ -151,7 +151,7 @@ def fallen(entries: Sequence[Entry], evaluator: Watching) -> dict[str, float]:
 
 def rollouts(entry: Entry, evaluator: Watching) -> list[Watched]:
     """Return the rollouts of a gait, in the scenarios that it saw."""
-    count = len(evaluator.setting.scenarios)
+    count = len(evaluator.setup.scenarios)
     keys = [(entry.gait.name, scenario) for scenario in range(count)]
     return [evaluator.seen[key] for key in keys if key in evaluator.seen]
 

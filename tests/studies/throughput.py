@@ -26,11 +26,12 @@ import numpy as np
 from mujoco.rollout import Rollout
 from scipy import signal
 
-from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.problem.model import START, build_model
 from gaitopt.problem.problem import load_problem
 from gaitopt.simulation.rollout import NOMINAL, Simulator
+from gaitopt.simulation.setup import RobotSetup
 
 COPIES = 4
 """How often each baseline is simulated in one turn of (b) and (c), so that two threads share evenly."""
@@ -89,7 +90,7 @@ class WholeObjective:
 
     def __init__(self) -> None:
         problem = load_problem("arcfold")
-        self.setting = Setting.of(problem, (NOMINAL,) * COPIES, problem.simulation.working)
+        self.setting = RobotSetup.of(problem, (NOMINAL,) * COPIES, problem.simulation.working)
         self.gaits = list(problem.baselines.values())
         Evaluator(self.setting, SerialExecutor())(self.gaits)  # compiles
 

@@ -20,11 +20,12 @@ import numpy as np
 from matplotlib import pyplot as plt
 from searches import judged, planned, search
 
-from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import open_executor
 from gaitopt.problem.problem import load_problem
 from gaitopt.report.figures.plots import COLOURS
 from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.setup import RobotSetup
 
 TARGETS = (0.8, 0.9, 0.95)
 
@@ -32,7 +33,7 @@ TARGETS = (0.8, 0.9, 0.95)
 def run(seed: int, warm: bool, budget: int) -> dict[str, object]:
     """Return the costs and simulated seconds of one search, in order, and the plan's wall seconds."""
     problem = load_problem("arcfold")
-    setting = Setting.of(problem, (NOMINAL,), problem.simulation.working)
+    setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
     began = time.process_time()
     elites = planned(problem, seed) if warm else ()
     plan_s = time.process_time() - began if warm else 0.0

@@ -15,7 +15,7 @@ from gaitopt.cli import app as cli
 from gaitopt.core.errors import GaitoptError
 from gaitopt.gait.gait import Gait, write_gait
 from gaitopt.optimise import evaluator
-from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.study import quasi_random
@@ -24,6 +24,7 @@ from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation import rollout
 from gaitopt.simulation.rollout import NOMINAL, Simulator
+from gaitopt.simulation.setup import RobotSetup
 
 OPTION = '<option cone="elliptic" impratio="10"/>'
 MEMORY = "mj_stackAlloc: out of memory, stack overflow at PrimalAllocate, line "
@@ -41,7 +42,7 @@ def granted(folder: Path, memory: str) -> Problem:
 
 
 def statuses(problem: Problem, count: int = 6) -> list[str]:
-    setting = Setting.of(problem, (NOMINAL,), problem.simulation.working)
+    setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
     gaits = [problem.space.decode(point) for point in quasi_random(problem.space, count, 1)]
     return [evaluation.status for evaluation, _ in Evaluator(setting, SerialExecutor())(gaits)]
 

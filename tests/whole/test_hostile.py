@@ -27,7 +27,7 @@ from gaitopt.diagnose.record.importers import Options, import_file, import_files
 from gaitopt.diagnose.words import answer
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Channel, Gait, read_gait, write_gait
-from gaitopt.optimise.evaluator import Evaluator, Setting
+from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.run import Request
@@ -36,6 +36,7 @@ from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.report.page import Page, Section, Table
 from gaitopt.runs.results import RunFolder
 from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.setup import RobotSetup
 
 PACKAGE = Path(gaitopt.__file__).parent
 CUBE = b"v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
@@ -280,7 +281,7 @@ def test_a_journal_with_a_coordinate_that_is_no_number_is_one_line(tmp_path: Pat
     problem, path = load_problem(STRIDER), tmp_path / "evaluations.csv"
     point = problem.space.encode(problem.baselines["stride"])
     gait = problem.space.decode(point)
-    setting = Setting.of(problem, (NOMINAL,), problem.simulation.working)
+    setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
     evaluation, _ = Evaluator(setting, SerialExecutor())([gait])[0]
     point[3] = np.nan
     Journal(path, problem).append([Entry(0, "test", point, gait, evaluation, 1.0)])
@@ -649,7 +650,8 @@ def test_a_name_stays_a_name_in_toml(tmp_path: Path, name: str) -> None:
 def test_too_little_memory_is_one_line_and_writes_nothing(tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
     code = (
-        "import resource\nimport gaitopt.simulation.rollout\nfrom pathlib import Path\nfrom gaitopt.cli import main\n"
+        "import resource\nimport gaitopt.simulation.rollout\n"
+        "from pathlib import Path\nfrom gaitopt.cli import main\n"
         "used = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()\n"
         "resource.setrlimit(resource.RLIMIT_AS, (used + (200 << 20), used + (200 << 20)))\n"
         "raise SystemExit(main())"

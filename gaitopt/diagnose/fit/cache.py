@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from gaitopt.core.files import write_with
 from gaitopt.diagnose.record.dataset import DataSet
-from gaitopt.optimise.evaluator import versions
 from gaitopt.problem.model import carrying
 from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.setup import versions
 
 Arrays = Mapping[str, NDArray[np.float64]]
 

@@ -22,7 +22,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.fit.cache import Memory
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.residual import View
-from gaitopt.diagnose.gap.predict import gait_key, latest_gait_time
+from gaitopt.diagnose.gap.predict import latest_gait_time
 from gaitopt.diagnose.record.dataset import Trial
 from gaitopt.effects.active import Values
 from gaitopt.problem.problem import Problem
@@ -234,7 +234,7 @@ def bench(
 
 
 def _folds(views: Sequence[View], block_trials: NDArray[np.intp]) -> tuple[NDArray[np.intp], ...]:
-    keys = [gait_key(v.aligned.trial.gait) for v in views]
+    keys = [v.aligned.trial.gait.key for v in views]
     groups = keys if len(set(keys)) > 1 else [str(i) for i in range(len(views))]
     names = np.array(groups)[block_trials]
     if len(set(groups)) > 1:
@@ -296,14 +296,14 @@ def predictions(simulator: Simulator, trials: Sequence[Trial]) -> list[Trajector
     """Return what a robot is predicted to do in each trial, one rollout for each distinct gait."""
     longest: dict[str, Trial] = {}
     for trial in trials:
-        key = gait_key(trial.gait)
+        key = trial.gait.key
         if key not in longest or latest_gait_time(trial) > latest_gait_time(longest[key]):
             longest[key] = trial
     done = {
         key: simulator.observe(simulator.run(trial.gait, 0, latest_gait_time(trial)))
         for key, trial in longest.items()
     }
-    return [done[gait_key(trial.gait)] for trial in trials]
+    return [done[trial.gait.key] for trial in trials]
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import numpy as np
 
 from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.gap.align import Aligned, align, is_marker
-from gaitopt.diagnose.gap.predict import gait_key, predict_each
+from gaitopt.diagnose.gap.predict import predict_each
 from gaitopt.diagnose.record.cycles import Cycles, cycle_means, steady
 from gaitopt.diagnose.record.dataset import Trial
 from gaitopt.diagnose.record.defects import noise_of
@@ -162,8 +162,8 @@ def _change(aligned: Aligned, others: Sequence[Trajectory]) -> dict[str, float]:
 
 def _repeats(aligned: Aligned, trials: Sequence[Aligned]) -> dict[str, float]:
     """Return the standard deviation of each signal over the trials of one gait, at this one's times."""
-    key = gait_key(aligned.trial.gait)
-    family = [other for other in trials if gait_key(other.trial.gait) == key]
+    key = aligned.trial.gait.key
+    family = [other for other in trials if other.trial.gait.key == key]
     spreads = {}
     for name in aligned.trial.signals:
         rows = [_residual_at(other, name, aligned.time) for other in family if name in other.residual]

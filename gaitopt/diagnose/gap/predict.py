@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 
@@ -30,7 +29,7 @@ def predict_each(
     Returns:
         For each robot a list in the order of the trials.
     """
-    keys = [gait_key(trial.gait) for trial in trials]
+    keys = [trial.gait.key for trial in trials]
     durations: dict[str, float] = {}
     gaits: dict[str, Gait] = {}
     for key, trial in zip(keys, trials, strict=True):
@@ -46,11 +45,6 @@ def predict_each(
 def _measured(simulator: Simulator, gait: Gait, scenario: int, duration: float) -> Trajectory:
     """Return a rollout as it would be measured."""
     return simulator.observe(simulator.run(gait, scenario, duration))
-
-
-def gait_key(gait: Gait) -> str:
-    """Return what two trials of the same commands have in common."""
-    return json.dumps(gait.to_dict())
 
 
 def latest_gait_time(trial: Trial) -> float:

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.gap.align import is_marker, square_apart
-from gaitopt.diagnose.gap.predict import gait_key
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.evidence import Rival, probabilities
 from gaitopt.diagnose.judge.nuisances import nuisance_robots
@@ -135,8 +134,8 @@ def propose(
 def _searched(judge: _Judge, problem: Problem, measured: Sequence[Gait], seed: int) -> list[_Outlook]:
     """Return what baselines, gaits drawn at random and gaits near the best of them would tell."""
     space, rng = problem.space, generator(seed, Stream.EXPERIMENT_CANDIDATES)
-    keys = {gait_key(gait) for gait in measured}
-    points = [space.encode(gait) for gait in problem.baselines.values() if gait_key(gait) not in keys]
+    keys = {gait.key for gait in measured}
+    points = [space.encode(gait) for gait in problem.baselines.values() if gait.key not in keys]
     points += list(rng.random((_RANDOM, len(space.variables))))
     outlooks = judge([space.decode(point) for point in points])
     for step in _STEPS if outlooks else ():

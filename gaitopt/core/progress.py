@@ -1,0 +1,31 @@
+"""Progress: what a job is doing, for whatever shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Progress:
+    """One step of a job.
+
+    Attributes:
+        stage: what is being done, in words.
+        done: how much of it is done, in `unit`.
+        total: how much of it there is; None where that is not known.
+        unit: what is counted.
+    """
+
+    stage: str
+    done: int = 0
+    total: int | None = None
+    unit: str = ""
+
+
+OnProgress = Callable[[Progress], None]
+"""Called as a job goes on."""
+
+
+def silent(progress: Progress) -> None:
+    """Show nothing."""
