@@ -18,13 +18,14 @@ from gaitopt.cli.app import main
 from gaitopt.core.errors import GaitoptError
 from gaitopt.effects import EFFECTS, Effect
 from gaitopt.effects.effect import Parts
-from gaitopt.optimise.evaluator import Setting, assess
+from gaitopt.optimise.evaluator import assess
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.verification import verify
 from gaitopt.problem.model import nominal_mjcf, nominal_parts
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import NOMINAL, Scenario, Simulator
+from gaitopt.simulation.setup import RobotSetup
 
 CONTRACT = """
 servo_torque_limit limit_n_m; servo_speed_limit limit_rad_s; servo_gain scale; servo_damping scale;
@@ -262,8 +263,8 @@ def test_an_effect_does_not_depend_on_names(strider: Problem, tmp_path: Path) ->
 
 def test_an_effect_goes_into_other_processes(quick: Problem) -> None:
     affected = quick.with_effects({"servo_sag": {"share_lost": 0.4}})
-    setting = Setting.of(affected, (NOMINAL,), affected.simulation.working)
-    plain = Setting.of(quick, (NOMINAL,), quick.simulation.working)
+    setting = RobotSetup.of(affected, (NOMINAL,), affected.simulation.working)
+    plain = RobotSetup.of(quick, (NOMINAL,), quick.simulation.working)
     assert setting.key != plain.key
     gait = quick.baselines["square-1s"]
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
