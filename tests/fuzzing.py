@@ -39,7 +39,7 @@ from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.export.formats import FORMATS, export_files
 from gaitopt.export.replay import Replay
 from gaitopt.gait.gait import Channel, Gait
-from gaitopt.gait.table import Table, read_table
+from gaitopt.gait.table import GaitTable, read_table
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import Request, optimise
@@ -486,10 +486,10 @@ def gait_of(rng: random.Random) -> Gait:
     return Gait(rng.choice([0.25, 0.5, 1.0, rng.uniform(0.1, 3.0)]), channels, "made")
 
 
-def table_of(gait: Gait) -> Table:
+def table_of(gait: Gait) -> GaitTable:
     channels = problem().file.channels
     servos = {name: channel.servo for name, channel in channels.items()}
-    return Table.sample(gait, servos, [0.0] * len(servos), 0.02, [0, 133], led_pin=2, samples=8)
+    return GaitTable.sample(gait, servos, [0.0] * len(servos), 0.02, [0, 133], led_pin=2, samples=8)
 
 
 def table_text(gait: Gait, name: str) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 import jinja2
 
 from gaitopt.export.replay import Replay, servo_rows
-from gaitopt.gait.table import MARK, Table
+from gaitopt.gait.table import MARK, GaitTable
 
 _UNSAFE = str.maketrans({character: f"\\u{ord(character):04x}" for character in "/*?`|<>&"})
 
@@ -30,14 +30,14 @@ class Format:
     """
 
     table_file: str
-    table: Callable[[Table], str]
+    table: Callable[[GaitTable], str]
     others: dict[str, str]
     drives_pins: bool = False
 
 
 def export_files(
     name: str,
-    table: Table,
+    table: GaitTable,
     replay: Replay,
     warnings: Sequence[str],
     from_datasheet: Mapping[str, Sequence[str]],
@@ -75,7 +75,7 @@ def _plain(text: str) -> str:
     return comment(text)[1:-1]
 
 
-def _facts(table: Table) -> dict[str, Any]:
+def _facts(table: GaitTable) -> dict[str, Any]:
     rows = zip(table.servos.items(), servo_rows(table), strict=True)
     return {
         "mark": MARK,
@@ -105,11 +105,11 @@ def _source(path: str) -> str:
     return (files("gaitopt.export") / path).read_text(encoding="utf-8")
 
 
-def _templated(template: str) -> Callable[[Table], str]:
+def _templated(template: str) -> Callable[[GaitTable], str]:
     return lambda table: _rendered(template, _facts(table))
 
 
-def _csv(table: Table) -> str:
+def _csv(table: GaitTable) -> str:
     text = io.StringIO()
     text.write(f"# {MARK}: {comment(table.header)}\n")
     writer = csv.writer(text, lineterminator="\n")
@@ -118,7 +118,7 @@ def _csv(table: Table) -> str:
     return text.getvalue()
 
 
-def _json(table: Table) -> str:
+def _json(table: GaitTable) -> str:
     rows = ",\n".join(f"  {json.dumps(row)}" for row in table.pulses)
     return f'{{\n "{MARK}": {comment(table.header)},\n "pulses_us": [\n{rows}\n ]\n}}\n'
 

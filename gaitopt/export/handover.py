@@ -18,7 +18,7 @@ from gaitopt.export.formats import FORMATS, export_files
 from gaitopt.export.limits import Lag, check_wiring, clipped, lags, refuse_outside
 from gaitopt.export.replay import Replay, replay
 from gaitopt.gait.gait import Gait
-from gaitopt.gait.table import SAMPLES, Table
+from gaitopt.gait.table import SAMPLES, GaitTable
 from gaitopt.problem.model import start_targets
 from gaitopt.problem.problem import Problem
 
@@ -51,7 +51,7 @@ class Choices:
 class Handover:
     """An export, checked and ready to be written."""
 
-    table: Table
+    table: GaitTable
     format: str
     replay: Replay
     lags: list[Lag]
@@ -109,7 +109,7 @@ def prepare(problem: Problem, gait: Gait, choices: Choices, executor: Executor) 
     return Handover(table, choices.format, played, lags(problem, gait), warnings, unset)
 
 
-def _table(problem: Problem, gait: Gait, choices: Choices) -> Table:
+def _table(problem: Problem, gait: Gait, choices: Choices) -> GaitTable:
     frame_s = problem.file.servo.frame_s
     servos = {name: problem.file.channels[name].servo for name in gait.channels}
     limit = _slew_deg_s(choices.slew)
@@ -118,7 +118,7 @@ def _table(problem: Problem, gait: Gait, choices: Choices) -> Table:
         for servo in servos.values()
     ]
     start = np.rad2deg(start_targets(problem)).tolist()
-    return Table.sample(gait, servos, start, frame_s, slew, choices.led_pin, choices.samples)
+    return GaitTable.sample(gait, servos, start, frame_s, slew, choices.led_pin, choices.samples)
 
 
 def _slew_deg_s(text: str) -> float | None:

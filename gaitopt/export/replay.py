@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.export.gait_player import DUTY_BITS, RAMP_US, WALKING, Player, duty
-from gaitopt.gait.table import Table, sampled_deg
+from gaitopt.gait.table import GaitTable, sampled_deg
 from gaitopt.optimise.verification import interval90
 from gaitopt.problem.model import Robot, start_targets
 from gaitopt.problem.problem import Problem
@@ -63,7 +63,7 @@ class Replay:
         return f"the exported gait {what} {abs(self.loss):.1%} of its speed, most of it by {cause} ({shares})"
 
 
-def replay(problem: Problem, table: Table, executor: Executor) -> Replay:
+def replay(problem: Problem, table: GaitTable, executor: Executor) -> Replay:
     """Return what is lost between the gait and the servos, in simulation over several start poses.
 
     Raises:
@@ -101,12 +101,12 @@ class _Trial:
     """Perturbed starts, and a horizon that begins once the player has ramped in."""
 
     problem: Problem
-    table: Table
+    table: GaitTable
     simulator: Simulator
     executor: Executor
 
     @staticmethod
-    def build(problem: Problem, table: Table, executor: Executor) -> _Trial:
+    def build(problem: Problem, table: GaitTable, executor: Executor) -> _Trial:
         simulation = problem.simulation
         late_s = 1e-6 * (RAMP_US + 2 * table.frame_us)
         horizon = simulation.horizon.model_copy(
@@ -134,7 +134,7 @@ class _Trial:
         return speeds
 
 
-def command_stages(problem: Problem, table: Table) -> dict[str, Commands]:
+def command_stages(problem: Problem, table: GaitTable) -> dict[str, Commands]:
     """Return the way from the gait to the servos: each stage adds one thing to the stage before it.
 
     ``gait`` is the gait itself; ``interpolation`` between the table's samples; ``quantisation`` to
@@ -171,7 +171,7 @@ def command_stages(problem: Problem, table: Table) -> dict[str, Commands]:
     }
 
 
-def sent_pulses(table: Table, frames: int) -> list[list[int]]:
+def sent_pulses(table: GaitTable, frames: int) -> list[list[int]]:
     """Return the pulses of the first frames from gait time 0 on, as the player sends them, µs."""
     player = player_of(table)
     player.start(0)
@@ -185,12 +185,12 @@ def sent_pulses(table: Table, frames: int) -> list[list[int]]:
     return sent
 
 
-def player_of(table: Table) -> Player:
+def player_of(table: GaitTable) -> Player:
     """Return a player of a table."""
     return Player(table.period_us, table.frame_us, servo_rows(table), tuple(np.ravel(table.pulses).tolist()))
 
 
-def servo_rows(table: Table) -> tuple[tuple[int, int, int, int, int], ...]:
+def servo_rows(table: GaitTable) -> tuple[tuple[int, int, int, int, int], ...]:
     """Return pin (-1: none), start, shortest and longest pulse and slew limit of each servo."""
     return tuple(
         (-1 if servo.pin is None else servo.pin, start, servo.min_us, servo.max_us, slew)
@@ -198,7 +198,7 @@ def servo_rows(table: Table) -> tuple[tuple[int, int, int, int, int], ...]:
     )
 
 
-def _interpolated_deg(table: Table, time: NDArray[np.float64]) -> NDArray[np.float64]:
+def _interpolated_deg(table: GaitTable, time: NDArray[np.float64]) -> NDArray[np.float64]:
     samples = sampled_deg(table.gait, len(table.pulses))
     closed = np.vstack([samples, samples[:1]])
     phase = np.mod(time / (1e-6 * table.period_us), 1.0)
@@ -206,7 +206,7 @@ def _interpolated_deg(table: Table, time: NDArray[np.float64]) -> NDArray[np.flo
     return np.stack([np.interp(phase, grid, column) for column in closed.T], axis=-1)
 
 
-def _quantised(table: Table, angles_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+def _quantised(table: GaitTable, angles_deg: NDArray[np.float64]) -> NDArray[np.float64]:
     columns = zip(table.servos.values(), angles_deg.T, strict=True)
     pulses = [
         servo.neutral_us + servo.trim_us + servo.direction * servo.us_per_deg * c for servo, c in columns
@@ -214,7 +214,7 @@ def _quantised(table: Table, angles_deg: NDArray[np.float64]) -> NDArray[np.floa
     return _angles(table, np.rint(np.stack(pulses, axis=-1)).astype(int))
 
 
-def _angles(table: Table, pulses_us: NDArray[np.int64]) -> NDArray[np.float64]:
+def _angles(table: GaitTable, pulses_us: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the targets that pulses ask for once the timer has rounded them, rad."""
     timer_us = duty_us(pulses_us, table.frame_us)
     columns = [

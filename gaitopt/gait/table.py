@@ -55,7 +55,7 @@ class _Header(BaseModel):
 
 
 @dataclass(frozen=True)
-class Table:
+class GaitTable:
     """A gait with the servos that play it.
 
     Attributes:
@@ -88,7 +88,7 @@ class Table:
         slew_us: Sequence[int],
         led_pin: int | None = None,
         samples: int = SAMPLES,
-    ) -> Table:
+    ) -> GaitTable:
         """Return the table of a gait whose targets lie within its servos' range."""
         complete = {name: Calibration(**servos[name].complete) for name in gait.channels}
         start = tuple(
@@ -104,7 +104,7 @@ class Table:
             for row in angles.tolist()
         )
         frame_us, period_us = round(1e6 * frame_s), round(1e6 * gait.period_s)
-        return Table(gait, complete, start, tuple(slew_us), frame_us, period_us, led_pin, pulses)
+        return GaitTable(gait, complete, start, tuple(slew_us), frame_us, period_us, led_pin, pulses)
 
     @property
     def header(self) -> dict[str, Any]:
@@ -157,7 +157,7 @@ def is_table(path: Path) -> bool:
     return re.search(rf'{MARK}"?: *\{{', read_text(path)) is not None
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path) -> GaitTable:
     """Return the table in an exported file of any format.
 
     Raises:
@@ -169,7 +169,7 @@ def read_table(path: Path) -> Table:
         raise bad_value(path, "format", version, f"{FORMAT}: export it again")
     checked = validated(_Header, header, path)
     gait = Gait.from_dict(checked.gait, path, checked.name)
-    table = Table(
+    table = GaitTable(
         gait,
         checked.servos,
         checked.start_us,

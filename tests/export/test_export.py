@@ -20,7 +20,7 @@ from gaitopt.export.handover import Choices, Handover, check_folder, prepare, wr
 from gaitopt.export.limits import lags
 from gaitopt.export.replay import Replay, command_stages, duty_us, sent_pulses
 from gaitopt.gait.gait import Channel, Gait
-from gaitopt.gait.table import Table, read_table
+from gaitopt.gait.table import GaitTable, read_table
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.problem.model import start_targets
 from gaitopt.problem.problem import Problem, load_problem
@@ -51,11 +51,11 @@ def serial() -> Executor:
     return SerialExecutor()
 
 
-def table_of(problem: Problem, gait: Gait, slew: int = 0, samples: int = 64) -> Table:
+def table_of(problem: Problem, gait: Gait, slew: int = 0, samples: int = 64) -> GaitTable:
     servos = {name: channel.servo for name, channel in problem.file.channels.items()}
     start = np.rad2deg(start_targets(problem)).tolist()
     frame_s = problem.file.servo.frame_s
-    return Table.sample(gait, servos, start, frame_s, [slew] * len(servos), None, samples)
+    return GaitTable.sample(gait, servos, start, frame_s, [slew] * len(servos), None, samples)
 
 
 def with_gait(gait: Gait, path: Path) -> Path:

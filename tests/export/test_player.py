@@ -21,7 +21,7 @@ import gaitopt.export.gait_player as gait_player
 from gaitopt.export.formats import FORMATS, export_files
 from gaitopt.export.gait_player import HOLDING, OFF, RAMP_US, STAGGER_US, WALKING, Player
 from gaitopt.export.replay import Replay, player_of, sent_pulses
-from gaitopt.gait.table import Table
+from gaitopt.gait.table import GaitTable
 from gaitopt.problem.problem import load_problem
 
 HERE = Path(__file__).parent / "player"
@@ -73,12 +73,12 @@ def run(*command: object, cwd: Path | None = None) -> str:
 
 
 @cache
-def table() -> Table:
+def table() -> GaitTable:
     """ArcFold's 1 s gait, slew-limited on one servo, with a sync LED."""
     problem = load_problem("arcfold")
     gait = problem.baselines["square-1s"]
     servos = {name: channel.servo for name, channel in problem.file.channels.items()}
-    return Table.sample(gait, servos, [0.0, 0.0, 0.0], 0.02, [133, 0, 0], led_pin=2)
+    return GaitTable.sample(gait, servos, [0.0, 0.0, 0.0], 0.02, [133, 0, 0], led_pin=2)
 
 
 @cache

@@ -17,7 +17,7 @@ from gaitopt.export.gait_player import WALKING
 from gaitopt.export.replay import Replay, player_of
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Channel, Gait
-from gaitopt.gait.table import Table, is_table, read_table, sampled_deg
+from gaitopt.gait.table import GaitTable, is_table, read_table, sampled_deg
 from gaitopt.problem.problem import Problem, load_problem
 
 UNHURT = Replay(1.0, 1.0, 0.0, (0.0, 0.0), {})
@@ -42,7 +42,7 @@ def channels(draw: st.DrawFn) -> Channel:
 
 
 @st.composite
-def tables(draw: st.DrawFn, names: st.SearchStrategy[str] = names) -> Table:
+def tables(draw: st.DrawFn, names: st.SearchStrategy[str] = names) -> GaitTable:
     """A table of a random gait on servos with random calibrations that reach it."""
     waves = draw(st.dictionaries(names, channels(), min_size=1, max_size=3))
     servos = {}
@@ -56,10 +56,10 @@ def tables(draw: st.DrawFn, names: st.SearchStrategy[str] = names) -> Table:
     gait = Gait(draw(st.floats(0.25, 5.0)), waves, draw(names))
     slew = draw(st.lists(st.integers(0, 500), min_size=len(waves), max_size=len(waves)))
     samples = draw(st.sampled_from([4, 7, 64, 100]))
-    return Table.sample(gait, servos, [0.0] * len(waves), 0.02, slew, draw(st.none() | st.just(2)), samples)
+    return GaitTable.sample(gait, servos, [0.0] * len(waves), 0.02, slew, draw(st.none() | st.just(2)), samples)
 
 
-def exported(table: Table, name: str, folder: Path) -> Path:
+def exported(table: GaitTable, name: str, folder: Path) -> Path:
     """Write the table file of a format and return its path."""
     unset: dict[str, list[str]] = {channel: [] for channel in table.servos}
     path = folder / Path(FORMATS[name].table_file).name
@@ -68,20 +68,20 @@ def exported(table: Table, name: str, folder: Path) -> Path:
 
 
 @pytest.fixture
-def made(strider: Problem) -> Table:
+def made(strider: Problem) -> GaitTable:
     """The strider's first baseline, 64 samples."""
     servos = {name: channel.servo for name, channel in strider.file.channels.items()}
-    return Table.sample(strider.baselines["stride"], servos, [0.0, 0.0], 0.02, [0, 0])
+    return GaitTable.sample(strider.baselines["stride"], servos, [0.0, 0.0], 0.02, [0, 0])
 
 
 @given(table=tables(), name=st.sampled_from(list(FORMATS)))
-def test_a_table_read_back_gives_the_gait_and_the_same_table(table: Table, name: str, scratch: Path) -> None:
+def test_a_table_read_back_gives_the_gait_and_the_same_table(table: GaitTable, name: str, scratch: Path) -> None:
     path = exported(table, name, scratch)
     assert is_table(path)
     read = read_table(path)
     assert read == table
     slew, start = read.slew_us, [0.0] * len(read.servos)
-    again = Table.sample(read.gait, read.servos, start, 0.02, slew, read.led_pin, len(read.pulses))
+    again = GaitTable.sample(read.gait, read.servos, start, 0.02, slew, read.led_pin, len(read.pulses))
     assert again == table
     assert again.hash == table.hash
 
@@ -94,7 +94,7 @@ def test_the_mean_of_a_wave_is_its_integral(channel: Channel, begin: float, widt
 
 
 @given(table=tables(st.text("abcdef", min_size=1, max_size=3)))
-def test_the_table_errs_by_less_than_a_microsecond_beyond_interpolation(table: Table) -> None:
+def test_the_table_errs_by_less_than_a_microsecond_beyond_interpolation(table: GaitTable) -> None:
     """The pulses against the exact samples, and their mean against the mean of the gait itself."""
     exact = sampled_deg(table.gait, len(table.pulses))
     for column, (name, servo) in enumerate(table.servos.items()):
@@ -121,7 +121,7 @@ def test_interpolation_does_not_move_an_edge(duty: float, phase: float) -> None:
 
 
 @given(table=tables(st.text("abcdef", min_size=1, max_size=3)))
-def test_every_tick_of_a_gait_is_within_range_and_slew(table: Table) -> None:
+def test_every_tick_of_a_gait_is_within_range_and_slew(table: GaitTable) -> None:
     player = player_of(table)
     player.start(0)
     before = list(player.pulse_us)
@@ -137,7 +137,7 @@ def test_every_tick_of_a_gait_is_within_range_and_slew(table: Table) -> None:
 
 
 @pytest.mark.parametrize("name", list(FORMATS))
-def test_an_edited_table_is_refused(made: Table, name: str, tmp_path: Path) -> None:
+def test_an_edited_table_is_refused(made: GaitTable, name: str, tmp_path: Path) -> None:
     path = exported(made, name, tmp_path)
     edited(
         path, "1722, 1500" if name != "csv" else "1722,1500", "1723, 1500" if name != "csv" else "1723,1500"
@@ -147,7 +147,7 @@ def test_an_edited_table_is_refused(made: Table, name: str, tmp_path: Path) -> N
     assert str(error.value).startswith(f"{path}: found content with hash ")
 
 
-def test_another_version_is_refused(made: Table, tmp_path: Path) -> None:
+def test_another_version_is_refused(made: GaitTable, tmp_path: Path) -> None:
     path = edited(exported(made, "c", tmp_path), '"format": 1', '"format": 2')
     with pytest.raises(GaitoptError, match="format: found 2; allowed: 1: export it again"):
         read_table(path)
@@ -173,7 +173,7 @@ def test_a_broken_table_is_one_line(text: str, tmp_path: Path) -> None:
     assert str(error.value).startswith(f"{path}: ")
 
 
-def test_windows_line_ends_and_reformatted_json_are_read(made: Table, tmp_path: Path) -> None:
+def test_windows_line_ends_and_reformatted_json_are_read(made: GaitTable, tmp_path: Path) -> None:
     path = exported(made, "c", tmp_path)
     path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
     assert read_table(path) == made
