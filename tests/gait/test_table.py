@@ -56,7 +56,9 @@ def tables(draw: st.DrawFn, names: st.SearchStrategy[str] = names) -> GaitTable:
     gait = Gait(draw(st.floats(0.25, 5.0)), waves, draw(names))
     slew = draw(st.lists(st.integers(0, 500), min_size=len(waves), max_size=len(waves)))
     samples = draw(st.sampled_from([4, 7, 64, 100]))
-    return GaitTable.sample(gait, servos, [0.0] * len(waves), 0.02, slew, draw(st.none() | st.just(2)), samples)
+    return GaitTable.sample(
+        gait, servos, [0.0] * len(waves), 0.02, slew, draw(st.none() | st.just(2)), samples
+    )
 
 
 def exported(table: GaitTable, name: str, folder: Path) -> Path:
@@ -75,7 +77,9 @@ def made(strider: Problem) -> GaitTable:
 
 
 @given(table=tables(), name=st.sampled_from(list(FORMATS)))
-def test_a_table_read_back_gives_the_gait_and_the_same_table(table: GaitTable, name: str, scratch: Path) -> None:
+def test_a_table_read_back_gives_the_gait_and_the_same_table(
+    table: GaitTable, name: str, scratch: Path
+) -> None:
     path = exported(table, name, scratch)
     assert is_table(path)
     read = read_table(path)
