@@ -6,6 +6,8 @@ Writes convergence.csv and convergence.png (speed of each gait against timestep 
 perturbed starts; also what other choices of the model would have done) and chaos.csv and growth.png
 (distance in time of starts that differ by a millionth of a radian). Rows that are there already, for
 the same model, are kept: an interrupted run goes on where it stopped.
+
+Cost: 20 min of two cores.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@
 
 For each choice of the contact and each pose, the robot is moved into the pose, left alone, then pulled
 at its first body by a fifth of its weight, less than half of what friction holds. Writes creep.csv.
+
+Cost: 30 s of two cores.
 """
 
 from __future__ import annotations

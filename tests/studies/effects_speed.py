@@ -5,6 +5,8 @@
 One parameter set is what a fit changes: the robot with the effect is built and settled, and the four
 baselines are simulated for 12 s each at the working fidelity, on one core. CPU time of the process, the
 median of several turns over all effects; the goal is under one core-second.
+
+Cost: about 5 min of one core (estimated).
 """
 
 from __future__ import annotations

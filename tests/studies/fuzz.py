@@ -6,6 +6,8 @@ the table and not the end of the study.
 
     python tests/studies/fuzz.py --cases 12000 --whole 40 --seed 1 --out results/fuzz
     python tests/studies/fuzz.py --seed 1 --only "MJCF, text:373"
+
+Cost: 8 min of one core.
 """
 
 from __future__ import annotations

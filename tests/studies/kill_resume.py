@@ -5,6 +5,8 @@ undisturbed run takes, and resumes it (or, where the kill left nothing to resume
 Every third case is killed a second time while it resumes.
 
     python tests/studies/kill_resume.py --out results/kill-resume
+
+Cost: about 5 min of two cores (estimated).
 """
 
 from __future__ import annotations

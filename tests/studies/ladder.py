@@ -9,6 +9,8 @@ working fidelity, on cheaper rungs, at the reference, and once more at the worki
 start poses, which is chance alone. *searches*: the same search with every population at the working
 fidelity and with a rung forced on it, whatever its rank correlation; the winner is chosen and verified as
 in `gaitopt optimise`. Each record is a line of ``ladder.jsonl``, and a second call goes on.
+
+Cost: 12 min of one core.
 """
 
 from __future__ import annotations

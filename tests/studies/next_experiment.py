@@ -6,6 +6,8 @@ Blind cases of one effect are filmed on one gait, with the marker's x alone, unt
 ambiguous. Each of those is then filmed on the gait that its diagnosis proposed, and on random ones: the same
 robot with the same numerics, and the first recording to the last bit as it was. OUT/next-experiment.jsonl has
 one line for each case that is done, all that the study needs to go on elsewhere.
+
+Cost: about 2 h of two cores.
 """
 
 from __future__ import annotations

@@ -11,6 +11,8 @@ seed by seed, so that a study that is stopped compares all methods on the same s
 
 Counted are gaits and simulated seconds; a plan is charged with its own time, as the simulated seconds
 that the same core would have computed in it. The time that an optimiser thinks is charged to none.
+
+Cost: 75 min of one core, and as much again for the time that optimisers think.
 """
 
 from __future__ import annotations

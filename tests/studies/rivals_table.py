@@ -5,6 +5,8 @@
 The target is a share of the lowest cost known: of any run here, or of a longer search given with
 ``--known``. Expected running time is all that was spent by a method's runs over the number of them that
 reached the target (Hansen et al., COCO).
+
+Cost: seconds.
 """
 
 from __future__ import annotations

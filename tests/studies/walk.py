@@ -5,6 +5,8 @@
 Run by hand, with the `gaitopt` that is on the path; two cores take about half an hour. The commands run in a
 new folder, on the robots as they are bundled, and `walk.csv` there says what each one took. The tests run the
 same commands with small budgets.
+
+Cost: half an hour of two cores.
 """
 
 import argparse
