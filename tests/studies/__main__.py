@@ -1,6 +1,6 @@
 """Lists the studies, with what each costs and how it is run.
 
-    python tests/studies
+python tests/studies
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ share the rollouts that every diagnosis begins with, so all but the first two co
 itself. What was simulated for a case is kept in the work folder: where only the conclusions have changed,
 removing OUT/PLAN.jsonl and running it again takes seconds a case; where the residuals have, WORK/memory too.
 
-Cost: about 4 h of two cores for `full`, 3 h for `x-alone`, 1.5 h for `pairs` (estimated from core seconds a case).
+Cost: about 4 h of two cores for `full`, 3 h for `x-alone`, 1.5 h for `pairs` (estimated).
 """
 
 from __future__ import annotations
