@@ -38,9 +38,6 @@ KINDS = {"single": 0.6, "none": 0.18, "outside": 0.12, "pair": 0.1}
 SMALL, LARGE = 3.0, 30.0
 """Gaps planted, in floors."""
 
-KNOWN_START = ("command_latency", "clock_offset", "clock_rate")
-"""Effects whose cases say when the recording starts: without that they cannot be seen."""
-
 _FIDELITIES = (
     Fidelity(timestep_s=5e-4, integrator="RK4"),
     Fidelity(timestep_s=2.5e-4, integrator="Euler"),
@@ -338,8 +335,8 @@ def shoot(made: Maker, draw: Draw, rng: np.random.Generator, executor: Executor)
     """
     fidelity = _FIDELITIES[int(rng.integers(len(_FIDELITIES)))]
     impratio = float(rng.choice(_IMPRATIOS))
-    names = [h.effect.name for h, _ in draw.planted]
-    known = bool(set(names) & set(KNOWN_START)) or bool(rng.random() < 0.5)
+    needed = any(hypothesis.effect.needs_known_start for hypothesis, _ in draw.planted)
+    known = needed or bool(rng.random() < 0.5)
     fps, noise = float(rng.choice(_RATES)), float(rng.uniform(*_NOISE_M))
     errors = int(rng.integers(2**31))
     size = made.problem.file.scenarios.start_pose_rad

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.effects.active import Active
+from gaitopt.effects.active import RobotEffects
 from gaitopt.effects.effect import LOOP_INTERVAL_S, Update
 from gaitopt.effects.library.contact import Friction
 from gaitopt.simulation.rollout import Simulator
@@ -38,7 +38,7 @@ class Outside:
 
 
 @dataclass(frozen=True)
-class Disturbed(Active):
+class Disturbed(RobotEffects):
     """The effects of a robot, and a disturbance that acts while it runs."""
 
     simulator: Simulator | None = None
@@ -69,7 +69,7 @@ class Disturbed(Active):
 def disturbed(simulator: Simulator, outside: Outside, figures: Figures) -> Simulator:
     """Return a robot on which a disturbance acts."""
     active = simulator.effects
-    with_it = Disturbed(active.settings, active.nominal, simulator, outside, tuple(figures.items()))
+    with_it = Disturbed(active.active, active.nominal, simulator, outside, tuple(figures.items()))
     return replace(simulator, effects=with_it)
 
 

@@ -24,6 +24,7 @@ from gaitopt.diagnose.judge.experiment import Experiment, propose
 from gaitopt.diagnose.record.cleaning import Cleaned, clean
 from gaitopt.diagnose.record.dataset import DataSet
 from gaitopt.diagnose.record.defects import Defect
+from gaitopt.effects import EFFECTS
 from gaitopt.simulation.rollout import Simulator
 
 SIGNIFICANT = 2.0
@@ -31,9 +32,6 @@ SIGNIFICANT = 2.0
 
 DEFECT_COMPONENTS = {"marker_outliers": "noise", "frozen_frames": "noise", "clock_rounding": "timing"}
 """Component of the gap that a defect of the record belongs to."""
-
-CAUSES = ("clock_rounding", "marker_outliers")
-"""Defects that are causes by themselves; see the table of effects."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,8 @@ class TrialGap:
     def blamed(self) -> list[Defect]:
         """Defects whose error alone exceeds the marker's floor."""
         floor = marker_floor(self.floors)
-        return [d for d in self.cleaned.defects if d.name in CAUSES and d.error_m > floor]
+        causes = [d for d in self.cleaned.defects if d.name in EFFECTS and EFFECTS[d.name].found_in_record]
+        return [defect for defect in causes if defect.error_m > floor]
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ class Diagnosis:
     def defective(self) -> list[str]:
         """Defects of the record that make a significant gap by themselves."""
         blamed = {defect.name for trial in self.trials for defect in trial.blamed}
-        return [name for name in CAUSES if name in blamed]
+        return [name for name in EFFECTS if name in blamed]
 
     @property
     def causes(self) -> list[str]:
@@ -262,7 +261,7 @@ def diagnose(
 
 def _rivals(simulator: Simulator, dataset: DataSet, among: Collection[str] | None) -> list[Hypothesis]:
     known = any(trial.starts_at_s is not None for trial in dataset.trials)
-    active = [setting.effect.name for setting in simulator.effects.settings]
+    active = [one.effect.name for one in simulator.effects.active]
     rivals = hypotheses(simulator.effects.nominal, simulator.problem.channel_names, known, active)
     chosen = [rival for rival in rivals if among is None or rival.effect.name in among]
     if not chosen:

@@ -21,7 +21,7 @@ Values = Mapping[str, float | str]
 
 
 @dataclass(frozen=True)
-class Setting:
+class ActiveEffect:
     """One effect as a problem file asks for it.
 
     Attributes:
@@ -35,9 +35,9 @@ class Setting:
     target: str = ALL
 
 
-def settings_of(
+def active_effects(
     asked: Mapping[str, Values], roles: Roles, channels: Sequence[str], source: object
-) -> tuple[Setting, ...]:
+) -> tuple[ActiveEffect, ...]:
     """Return the effects that a file asks for, in the order in which they act.
 
     Args:
@@ -54,13 +54,15 @@ def settings_of(
         if name not in EFFECTS:
             raise unknown_name(source, "effect in effects:", name, EFFECTS)
     return tuple(
-        _setting(effect, asked[name], roles, channels, f"{source}: effects.{name}")
+        _active_effect(effect, asked[name], roles, channels, f"{source}: effects.{name}")
         for name, effect in EFFECTS.items()
         if name in asked
     )
 
 
-def _setting(effect: Effect, values: Values, roles: Roles, channels: Sequence[str], source: str) -> Setting:
+def _active_effect(
+    effect: Effect, values: Values, roles: Roles, channels: Sequence[str], source: str
+) -> ActiveEffect:
     keys = [effect.parameter] + (["target"] if effect.target != "none" else [])
     for key in values:
         if key not in keys:
@@ -73,7 +75,7 @@ def _setting(effect: Effect, values: Values, roles: Roles, channels: Sequence[st
     reason = effect.missing_role(roles)
     if reason:
         raise GaitoptError(f"{source}: not applicable: {reason}")
-    return Setting(effect, float(value), _target(effect, values, channels, source))
+    return ActiveEffect(effect, float(value), _target(effect, values, channels, source))
 
 
 def _target(effect: Effect, values: Values, channels: Sequence[str], source: str) -> str:
@@ -87,80 +89,80 @@ def _target(effect: Effect, values: Values, channels: Sequence[str], source: str
 
 
 @dataclass(frozen=True)
-class Active:
+class RobotEffects:
     """The effects that change one robot: those that apply and are not at their neutral value.
 
     Attributes:
-        settings: the effects, in the order in which they act.
+        active: the effects, in the order in which they act.
         nominal: the parts of the nominal robot.
     """
 
-    settings: tuple[Setting, ...]
+    active: tuple[ActiveEffect, ...]
     nominal: Parts
 
     @staticmethod
-    def of(settings: Sequence[Setting], nominal: Parts, source: object) -> Active:
+    def of(asked: Sequence[ActiveEffect], nominal: Parts, source: object) -> RobotEffects:
         """Return the effects that change a robot.
 
         Raises:
             GaitoptError: an effect does not apply to this robot.
         """
         changing = []
-        for setting in settings:
-            parts = replace(nominal, target=setting.target)
-            reason = setting.effect.why_not(parts)
+        for active in asked:
+            parts = replace(nominal, target=active.target)
+            reason = active.effect.why_not(parts)
             if reason:
-                raise GaitoptError(f"{source}: effects.{setting.effect.name}: not applicable: {reason}")
-            if setting.value != setting.effect.neutral_value(parts):
-                changing.append(setting)
-        return Active(tuple(changing), nominal)
+                raise GaitoptError(f"{source}: effects.{active.effect.name}: not applicable: {reason}")
+            if active.value != active.effect.neutral_value(parts):
+                changing.append(active)
+        return RobotEffects(tuple(changing), nominal)
 
-    def _parts(self, setting: Setting, model: mujoco.MjModel | None = None) -> Parts:
-        return replace(self.nominal, target=setting.target, model=model or self.nominal.model)
+    def _parts(self, active: ActiveEffect, model: mujoco.MjModel | None = None) -> Parts:
+        return replace(self.nominal, target=active.target, model=model or self.nominal.model)
 
     def restructure(self, spec: mujoco.MjSpec) -> None:
         """Add to a nominal robot's specification what the effects need."""
-        for setting in self.settings:
-            if setting.effect.structure is not None:
-                setting.effect.structure(spec, self._parts(setting), setting.value)
+        for active in self.active:
+            if active.effect.structure is not None:
+                active.effect.structure(spec, self._parts(active), active.value)
 
     def edit(self, model: mujoco.MjModel) -> None:
         """Edit a compiled model that has been through `restructure`."""
-        edits = [s for s in self.settings if s.effect.model is not None]
-        for setting in edits:
-            neutral = setting.effect.neutral_value(self._parts(setting))
-            if setting.effect.model is not None:
-                setting.effect.model(self._parts(setting, model), setting.value, neutral)
+        edits = [s for s in self.active if s.effect.model is not None]
+        for active in edits:
+            neutral = active.effect.neutral_value(self._parts(active))
+            if active.effect.model is not None:
+                active.effect.model(self._parts(active, model), active.value, neutral)
         if edits:
             mujoco.mj_setConst(model, mujoco.MjData(model))
 
     @property
     def changes_robot(self) -> bool:
         """Whether any effect changes the robot or its commands, not the measurement alone."""
-        return any(s.effect.changes_robot for s in self.settings)
+        return any(s.effect.changes_robot for s in self.active)
 
     @property
     def loops(self) -> bool:
         """Whether any effect needs to edit the model while it runs."""
-        return any(s.effect.loop is not None for s in self.settings)
+        return any(s.effect.loop is not None for s in self.active)
 
     def updates(self, model: mujoco.MjModel) -> list[Update]:
         """Return what is to be called while `model`, which nothing else uses, runs."""
-        return [s.effect.loop(self._parts(s, model), s.value) for s in self.settings if s.effect.loop]
+        return [s.effect.loop(self._parts(s, model), s.value) for s in self.active if s.effect.loop]
 
     def commands(self, sent: Commands, model: mujoco.MjModel) -> Commands:
         """Return what arrives at the servos of what is `sent`, on the clock of the edited `model`."""
-        for setting in self.settings:
-            if setting.effect.commands is not None:
-                sent = setting.effect.commands(sent, setting.value, self._parts(setting, model))
+        for active in self.active:
+            if active.effect.commands is not None:
+                sent = active.effect.commands(sent, active.value, self._parts(active, model))
         return sent
 
     def observe(self, trajectory: Trajectory, model: mujoco.MjModel, rng: np.random.Generator) -> Trajectory:
         """Return a trajectory of the edited `model` as camera, tracker and clock give it."""
-        for setting in self.settings:
-            if setting.effect.observe is not None:
-                parts = self._parts(setting, model)
-                trajectory = setting.effect.observe(trajectory, setting.value, parts, rng)
+        for active in self.active:
+            if active.effect.observe is not None:
+                parts = self._parts(active, model)
+                trajectory = active.effect.observe(trajectory, active.value, parts, rng)
         return trajectory
 
 

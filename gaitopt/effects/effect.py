@@ -194,6 +194,11 @@ class Effect:
         target: ``none``, ``any`` (`ALL` or one actuator) or ``one`` actuator.
         role: the role it acts on, which must not be empty; empty for none.
         missing: returns why it does not apply to a nominal robot, or None.
+        found_in_record: whether it is a defect of the recording, which the recording itself shows before
+            anything is simulated; the diagnosis does not fit it.
+        needs_known_start: whether it can be seen only where the start of the recording is known.
+        shifts_start: whether it only shifts the start of the recording; where that start is unknown, the
+            diagnosis fits it in every trial as a nuisance.
     """
 
     name: str
@@ -211,6 +216,9 @@ class Effect:
     target: Literal["none", "any", "one"] = "none"
     role: str = ""
     missing: Callable[[Parts], str | None] = lambda parts: None
+    found_in_record: bool = False
+    needs_known_start: bool = False
+    shifts_start: bool = False
     structure: Callable[[mujoco.MjSpec, Parts, float], None] | None = None
     model: Callable[[Parts, float, float], None] | None = None
     commands: Callable[[Commands, float, Parts], Commands] | None = None

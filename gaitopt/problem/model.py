@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError, bad_value, nearest, unknown_name
 from gaitopt.core.files import inside, read_bytes, read_text
-from gaitopt.effects.active import Active, transferred
+from gaitopt.effects.active import RobotEffects, transferred
 from gaitopt.effects.effect import Parts, is_added
 from gaitopt.effects.library.servo import net_torque_limits
 from gaitopt.problem.problem import Fidelity, Parameter, Problem
@@ -205,10 +205,10 @@ def instruments(problem: Problem, model: mujoco.MjModel) -> list[Instrument]:
     return found
 
 
-def build_instrumented(problem: Problem) -> tuple[mujoco.MjModel, list[str | None], Active]:
+def build_instrumented(problem: Problem) -> tuple[mujoco.MjModel, list[str | None], RobotEffects]:
     """Return a problem's model with its sensors, the signal in each place of ``sensordata``, its effects.
 
-    The model has the parts that its effects need; `Active.edit` then makes it the robot with effects.
+    The model has the parts that its effects need; `RobotEffects.edit` then makes it the robot with effects.
     Its keyframe ``start`` is the nominal robot's.
 
     Raises:
@@ -218,7 +218,7 @@ def build_instrumented(problem: Problem) -> tuple[mujoco.MjModel, list[str | Non
     root, names = _instrumented(problem)
     nominal = _compile(root, problem)
     parts = Parts(nominal, problem.roles, problem.channel_names)
-    active = Active.of(problem.effects, parts, problem.source)
+    active = RobotEffects.of(problem.effects, parts, problem.source)
     if not active.changes_robot:
         return nominal, names, active
     spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"), assets=_assets(root, problem))

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.core.files import Name, inside, read_toml, validated
-from gaitopt.effects.active import Setting, Values, settings_of
+from gaitopt.effects.active import ActiveEffect, Values, active_effects
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Channel, Gait, read_gait
 from gaitopt.gait.space import ChannelSpace, GaitSpace
@@ -344,7 +344,7 @@ class Problem:
             gaits[name] = Gait(baseline.period_s, channels, name)
         space = GaitSpace(file.gait.period_s, {name: c.space for name, c in file.channels.items()})
         problem = Problem(file, source, model_path, {}, space, carried)
-        settings_of(file.effects, file.roles, problem.channel_names, source)
+        active_effects(file.effects, file.roles, problem.channel_names, source)
         checked = {n: problem.check_gait(g, f"{source}: baselines.{n}") for n, g in gaits.items()}
         return replace(problem, baselines=checked)
 
@@ -359,9 +359,9 @@ class Problem:
         return self.file.roles
 
     @property
-    def effects(self) -> tuple[Setting, ...]:
+    def effects(self) -> tuple[ActiveEffect, ...]:
         """The effects that the file switches on, in the order in which they act."""
-        return settings_of(self.file.effects, self.roles, self.channel_names, self.source)
+        return active_effects(self.file.effects, self.roles, self.channel_names, self.source)
 
     @property
     def simulation(self) -> Simulation:

@@ -15,7 +15,7 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.effects.active import Active, control_columns, with_added
+from gaitopt.effects.active import RobotEffects, control_columns, with_added
 from gaitopt.effects.effect import LOOP_INTERVAL_S, Commands
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.model import (
@@ -102,7 +102,7 @@ class Simulator:
     scenarios: tuple[Scenario, ...]
     models: tuple[mujoco.MjModel, ...]
     signals: tuple[str | None, ...]
-    effects: Active
+    effects: RobotEffects
     _local: threading.local
 
     @staticmethod
@@ -341,7 +341,7 @@ def draw_scenarios(problem: Problem, count: int, seed: Iterable[int]) -> tuple[S
     return tuple(scenarios)
 
 
-def _start_at_rest(model: mujoco.MjModel, problem: Problem, effects: Active) -> None:
+def _start_at_rest(model: mujoco.MjModel, problem: Problem, effects: RobotEffects) -> None:
     """Put the keyframe ``start`` where the robot with effects rests under the targets held before a gait."""
     held = start_targets(problem)
     arriving = effects.commands(lambda time: np.tile(held, (len(time), 1)), model)
@@ -353,7 +353,7 @@ def _start_at_rest(model: mujoco.MjModel, problem: Problem, effects: Active) -> 
 
 
 def _scenario_model(
-    model: mujoco.MjModel, problem: Problem, scenario: Scenario, effects: Active
+    model: mujoco.MjModel, problem: Problem, scenario: Scenario, effects: RobotEffects
 ) -> mujoco.MjModel:
     model = copy.copy(model)
     named = [model.geom(name).id for name in problem.roles.pads + problem.roles.body]

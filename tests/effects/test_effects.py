@@ -135,7 +135,7 @@ def test_a_value_close_to_neutral_changes_little(
 def test_several_neutral_effects_change_no_bit(arcfold: Problem, reference: Trajectory) -> None:
     neutral = {"servo_torque_limit": {"limit_n_m": 0.245}, "servo_speed_limit": {"limit_rad_s": math.inf}}
     simulator = Simulator.build(arcfold.with_effects(neutral | {"hinge_friction": {"torque_n_m": 0}}))
-    assert not simulator.effects.settings
+    assert not simulator.effects.active
     assert same_bits(simulator.run(arcfold.baselines["square-1s"], duration=0.6), reference)
 
 
@@ -193,7 +193,7 @@ def test_all_effects_go_together(arcfold: Problem, nominal: Parts) -> None:
         value = neutral + 0.02 * (high - low) if math.isfinite(neutral) else high
         mild |= asked(effect, value)
     simulator = Simulator.build(arcfold.with_effects(mild))
-    assert len(simulator.effects.settings) == len(EFFECTS)
+    assert len(simulator.effects.active) == len(EFFECTS)
     assert simulator.run(arcfold.baselines["square-1s"], duration=0.6).status == "ok"
 
 

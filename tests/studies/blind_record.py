@@ -38,7 +38,6 @@ from gaitopt.core.files import write_text
 from gaitopt.diagnose.diagnosis import diagnose
 from gaitopt.diagnose.fit.cache import Memory
 from gaitopt.diagnose.fit.fitting import ALIKE
-from gaitopt.diagnose.fit.hypotheses import RECORD_DEFECTS
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.effects import EFFECTS
 from gaitopt.optimise.executors import open_executor
@@ -72,7 +71,7 @@ def _full() -> Plan:
 
     The effects drawn at random at the end stand in for those that cannot reach three floors.
     """
-    names = sorted(set(EFFECTS) - set(RECORD_DEFECTS))
+    names = sorted(name for name, effect in EFFECTS.items() if not effect.found_in_record)
     singles: list[Planned] = [("single", name) for name in names for _ in range(3)]
     drawn: list[Planned] = [("none", None)] * 60 + [("pair", None)] * 15 + [("single", None)] * 12
     return Plan(851, None, tuple(singles + _outside(5) + drawn))

@@ -15,7 +15,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from gaitopt.effects.active import Active
+from gaitopt.effects.active import RobotEffects
 from gaitopt.gait.gait import Gait
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
@@ -39,7 +39,7 @@ def shared_rollouts(longest: Mapping[str, float]) -> Iterator[None]:
         robot: Simulator, gait: Gait, scenario: int = 0, duration: float | None = None, poses: bool = False
     ) -> Trajectory:
         most = longest.get(gait.key, 0.0)
-        if duration is None or duration > most or poses or type(robot.effects) is not Active:
+        if duration is None or duration > most or poses or type(robot.effects) is not RobotEffects:
             return own(robot, gait, scenario, duration, poses)
         key = _key(robot, gait, scenario)
         if key not in seen:
@@ -64,7 +64,7 @@ def _key(robot: Simulator, gait: Gait, scenario: int) -> str:
     model = robot.models[scenario]
     content = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, content)
-    said = (robot.scenarios[scenario], robot.effects.settings, robot.fidelity, gait.key)
+    said = (robot.scenarios[scenario], robot.effects.active, robot.fidelity, gait.key)
     return hashlib.sha256(content.tobytes() + repr(said).encode()).hexdigest()
 
 

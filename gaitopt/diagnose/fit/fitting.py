@@ -257,7 +257,7 @@ def simulate(
     try:
         problem = bench.problem.with_effects(effects)
         if observed_only:
-            active = replace(bench.simulator.effects, settings=problem.effects)
+            active = replace(bench.simulator.effects, active=problem.effects)
             model, rng = bench.simulator.models[0], np.random.default_rng(0)
             point = bench.point(at, [active.observe(t, model, rng) for t in bench.nominal])
             return None if point is None else bench.seen(point, bench.first)

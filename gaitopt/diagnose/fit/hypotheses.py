@@ -10,9 +10,6 @@ from gaitopt.effects import EFFECTS, Effect
 from gaitopt.effects.active import Values
 from gaitopt.effects.effect import ALL, Parts
 
-RECORD_DEFECTS = ("clock_rounding", "marker_outliers")
-"""Effects that are found in the record itself, before anything is fitted."""
-
 _SCREENED = (0.2, 0.6, 1.0)
 """Shares of the way from neutral to each bound at which a hypothesis is tried first.
 
@@ -99,10 +96,11 @@ def hypotheses(
             a nuisance and no hypothesis.
         active: effects that the problem has switched on already, which are taken as known.
     """
-    skipped = {*RECORD_DEFECTS, *active} | (set() if offset_known else {"clock_offset"})
+    known = set(active)
     found = []
     for effect in EFFECTS.values():
-        if effect.name in skipped:
+        nuisance = effect.shifts_start and not offset_known
+        if effect.found_in_record or nuisance or effect.name in known:
             continue
         for target in _targets(effect, channels):
             parts = replace(nominal, target=target)

@@ -92,6 +92,8 @@ CLOCK_OFFSET = Effect(
     high=0.5,
     scale="lin",
     prior=Prior("normal", 0.0, 0.1, "a start found by eye in a video: within some frames of 1/30 s"),
+    needs_known_start=True,
+    shifts_start=True,
     observe=_start_late,
 )
 
@@ -116,6 +118,7 @@ CLOCK_RATE = Effect(
         "quartz is far better; frame rates taken as 30 for 29.97, or variable, are not",
     ),
     allowed=(0.0, math.inf),
+    needs_known_start=True,
     observe=_run_fast,
 )
 
@@ -135,6 +138,7 @@ CLOCK_ROUNDING = Effect(
     scale="lin",
     prior=Prior("half-normal", 0.0, 0.05, "exports with one or two decimals"),
     allowed=(0.0, math.inf),
+    found_in_record=True,
     observe=_round_time,
 )
 
@@ -167,5 +171,6 @@ MARKER_OUTLIERS = Effect(
     scale="lin",
     prior=Prior("half-normal", 0.0, 0.02, "automatic trackers lose a marker for a few frames in a hundred"),
     allowed=(0.0, 1.0),
+    found_in_record=True,
     observe=_jump,
 )

@@ -544,6 +544,7 @@ COMMAND_LATENCY = Effect(
         "half-normal", 0.0, 0.04, "a 20 ms servo frame, a frame in the servo, and tens of ms in a script"
     ),
     allowed=(0.0, 10.0),
+    needs_known_start=True,
     commands=_delay_all,
     observe=_see_late,
 )
