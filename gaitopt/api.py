@@ -14,7 +14,7 @@ from gaitopt.core.errors import unknown_name
 from gaitopt.core.files import write_text
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.diagnosis import diagnose as _diagnose
-from gaitopt.diagnose.fit.cache import Memory
+from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.diagnose.words import answer
 from gaitopt.effects import EFFECTS
@@ -216,10 +216,10 @@ def diagnose(
         from gaitopt.report.diagnosis_report import diagnosis_folder, write_diagnosis
 
         with diagnosis_folder(folder, None, problem.name):
-            memory = Memory.of(folder, simulator, trials, seed)
+            memory = SimulationCache.of(folder, simulator, trials, seed)
             found = _diagnose(simulator, trials, executor, seed, on_progress, next_gait, effects, memory)
             write_diagnosis(folder, problem, found, executor)
-            memory.forget()
+            memory.clear()
             return found
 
 

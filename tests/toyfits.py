@@ -7,27 +7,27 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gaitopt.diagnose.fit.fitting import Bench, Fit, Point
+from gaitopt.diagnose.fit.fitting import Comparison, Fit, TrialSet
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.effects.effect import ALL
 
 
 def toy_bench(
     rows: int, count: int, views: Sequence[Any] = (), problem: Any = None, trials: int = 1
-) -> Bench:
+) -> TrialSet:
     """Rows in so many blocks of one trial, two folds of them; or of more trials, each a fold."""
     none, blocks = np.zeros(0, dtype=np.intp), np.repeat(np.arange(count), rows // count)
     folds = tuple(np.array_split(np.arange(count), max(2, trials)))
     of_trials = np.repeat(np.arange(trials), count // trials)
-    return Bench(problem, None, tuple(views), (), blocks, of_trials, none, none, folds)
+    return TrialSet(problem, None, tuple(views), (), blocks, of_trials, none, none, folds)
 
 
-def toy_point(at: ArrayLike, whitened: np.ndarray) -> Point:
-    return Point(np.asarray(at, dtype=float), whitened, np.empty(0), np.empty(0))
+def toy_point(at: ArrayLike, whitened: np.ndarray) -> Comparison:
+    return Comparison(np.asarray(at, dtype=float), whitened, np.empty(0), np.empty(0))
 
 
 def toy_fit(
-    bench: Bench,
+    trial_set: TrialSet,
     measured: np.ndarray,
     predicted: Callable[[float], np.ndarray],
     at: Sequence[float],
@@ -42,4 +42,4 @@ def toy_fit(
     )
     hypothesis = Hypothesis(effect, target, 0.0, high, 0.0, cast(Any, None))
     points = [toy_point([a], measured - predicted(a)) for a in at]
-    return Fit(hypothesis, bench, points)
+    return Fit(hypothesis, trial_set, points)

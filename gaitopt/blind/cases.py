@@ -22,7 +22,7 @@ from gaitopt.core.files import csv_text, write_text
 from gaitopt.core.streams import BLIND_FLOOR_SEED, Stream, generator
 from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
 from gaitopt.diagnose.gap.align import is_marker, square_apart
-from gaitopt.diagnose.judge.nuisances import nuisance_robots, with_small_errors
+from gaitopt.diagnose.judge.small_errors import perturbed_robots, with_small_errors
 from gaitopt.effects.active import Values
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.model import nominal_mjcf
@@ -118,7 +118,7 @@ def maker(
     nominal = Simulator.build(problem)
     chosen = {name: problem.baselines[name] for name in gaits}
     lengths = {name: filmed_s(gait, seconds) for name, gait in chosen.items()}
-    robots = [nominal, *nuisance_robots(nominal, BLIND_FLOOR_SEED, 4)]
+    robots = [nominal, *perturbed_robots(nominal, BLIND_FLOOR_SEED, 4)]
     runs = {
         (name, index): executor.submit(robot.run, gait, 0, lengths[name])
         for name, gait in chosen.items()

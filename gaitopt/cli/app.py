@@ -756,7 +756,7 @@ def _diagnose(options: argparse.Namespace) -> None:
     from gaitopt.cli.display import steps_display
     from gaitopt.core.errors import unknown_name
     from gaitopt.diagnose.diagnosis import diagnose
-    from gaitopt.diagnose.fit.cache import Memory
+    from gaitopt.diagnose.fit.cache import SimulationCache
     from gaitopt.diagnose.record.dataset import load_dataset
     from gaitopt.effects import EFFECTS
     from gaitopt.optimise.executors import open_executor, working
@@ -783,7 +783,7 @@ def _diagnose(options: argparse.Namespace) -> None:
         working(open_executor("threads", options.workers)) as executor,
         steps_display(options.quiet or options.json) as note,
     ):
-        memory = Memory.of(folder, simulator, dataset, seed)
+        memory = SimulationCache.of(folder, simulator, dataset, seed)
         if options.resume is not None and not memory.count:
             raise GaitoptError(
                 f"--resume: {folder}: nothing was simulated there with this problem, data set and seed"
@@ -791,7 +791,7 @@ def _diagnose(options: argparse.Namespace) -> None:
         with _saying_how_to_go_on(memory, options):
             diagnosis = diagnose(simulator, dataset, executor, seed, note, among=among, memory=memory)
             write_diagnosis(folder, problem, diagnosis, executor, options.full)
-        memory.forget()
+        memory.clear()
     _print_diagnosis(folder, options.json)
 
 

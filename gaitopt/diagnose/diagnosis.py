@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.diagnose.fit.cache import Memory
+from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.fitting import Note
 from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
 from gaitopt.diagnose.gap.align import Aligned, align, is_marker, pooled_marker_rms
@@ -226,7 +226,7 @@ def diagnose(
     note: Note = lambda what, done, most: None,
     next_gait: bool = True,
     among: Collection[str] | None = None,
-    memory: Memory | None = None,
+    memory: SimulationCache | None = None,
 ) -> Diagnosis:
     """Return where the gap lies, what causes it and what to measure next.
 

@@ -34,7 +34,7 @@ def answer(diagnosis: Diagnosis) -> str:
         return f"No significant gap: {figures}."
     if diagnosis.verdict == "explained" and not (diagnosis.found and diagnosis.found.causes):
         return f"The gap ({figures}) is in the recordings: {', '.join(diagnosis.causes)}."
-    if diagnosis.found is not None and diagnosis.found.rivals:
+    if diagnosis.found is not None and diagnosis.found.candidates:
         return f"{_VERDICTS[diagnosis.verdict].format(*_who(diagnosis))} The gap: {_before_after(gap)}."
     text = f"There is a gap: {figures}."
     for first in diagnosis.where[:1]:  # nothing where every part of the gap is within the floor

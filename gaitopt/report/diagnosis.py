@@ -154,7 +154,7 @@ def _cause_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
             "the parameter down; a flat one that they hardly do. Shaded: its 90 % interval.",
         ),
     }
-    if len(found.bench.sample_trials):
+    if len(found.trial_set.sample_trials):
         pictures["corrected"] = Picture(
             "The gap before and after",
             diagnosis_plots.held_out(diagnosis, found),

@@ -11,7 +11,7 @@ from gaitopt.blind.cases import NOMINAL_FOLDER
 from gaitopt.core.files import write_text
 from gaitopt.diagnose.correction import walked_gaits
 from gaitopt.diagnose.diagnosis import Diagnosis, diagnose
-from gaitopt.diagnose.fit.cache import Memory
+from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.fitting import Note
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.diagnose.words import answer, explanation
@@ -44,12 +44,12 @@ def diagnose_folders(folder: Path, diagnoses: Path, executor: Executor, note: No
             simulator = Simulator.build(problem)
         note(f"diagnosing {case.name}", 0, 0)
         dataset = load_dataset(case, problem, [name for name in simulator.signals if name])
-        memory = Memory.of(out, simulator, dataset, _SEED)
+        memory = SimulationCache.of(out, simulator, dataset, _SEED)
         resumed = out if out.is_dir() else None
         with diagnosis_folder(out, resumed, problem.name):
             found = diagnose(simulator, dataset, executor, _SEED, next_gait=False, memory=memory)
             write_diagnosis(out, problem, found, None)
-            memory.forget()
+            memory.clear()
 
 
 @contextmanager
@@ -94,7 +94,7 @@ def write_diagnosis(
         GaitoptError: a file cannot be written.
     """
     found = diagnosis.found
-    corrected = problem.with_effects(found.best.settings) if found and found.best else None
+    corrected = problem.with_effects(found.best.effect_values) if found and found.best else None
     walked = walked_gaits(problem, corrected, executor) if corrected and executor else []
     content = diagnosis.to_dict() | {"answer": answer(diagnosis), "explanation": explanation(diagnosis)}
     content["corrected"] = [row.to_dict() for row in walked]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gaitopt.diagnose.judge import experiment
-from gaitopt.diagnose.judge.experiment import _Outlook, _rivals, propose
+from gaitopt.diagnose.judge.experiment import GaitScore, _candidates, propose
 from gaitopt.optimise.executors import open_executor
 from gaitopt.problem.problem import load_problem
 from gaitopt.simulation.rollout import Simulator
@@ -17,28 +17,28 @@ from gaitopt.simulation.rollout import Simulator
 NAMES = ("a", "b", "b", "c")
 
 
-def outlook(squares, chances=(0.4, 0.2, 0.1, 0.3), names=NAMES):
+def score(squares, chances=(0.4, 0.2, 0.1, 0.3), names=NAMES):
     squares = np.asarray(squares, dtype=float)
-    return _Outlook(None, np.triu(squares, 1) + np.triu(squares, 1).T, 1, names, np.array(chances))
+    return GaitScore(None, np.triu(squares, 1) + np.triu(squares, 1).T, 1, names, np.array(chances))
 
 
 @given(arrays(float, (4, 4), elements=st.floats(0.0, 50.0)), st.floats(1.0, 10.0))
 def test_rivals_farther_apart_leave_less_doubt(squares, factor):
     chances, names = (0.4, 0.2, 0.1, 0.3), ("a", "b", "c", "d")
-    near, far = outlook(squares, chances, names), outlook(factor * squares, chances, names)
+    near, far = score(squares, chances, names), score(factor * squares, chances, names)
     assert 0.0 <= near.wrong <= 1.0 - np.square(chances).sum() + 1e-12
     assert far.wrong <= near.wrong + 1e-12
 
 
 def test_doubt_of_two_rivals_is_that_of_bayes():
     """With a difference of d standard errors, odds of one to one become exp(d² / 2) to one."""
-    of_two = outlook([[0.0, 4.0], [0.0, 0.0]], (0.5, 0.5), ("a", "b"))
+    of_two = score([[0.0, 4.0], [0.0, 0.0]], (0.5, 0.5), ("a", "b"))
     assert of_two.wrong == pytest.approx(1.0 / (1.0 + np.exp(2.0)))
     assert of_two.separation == pytest.approx(2.0)
 
 
 def test_targets_of_one_effect_need_not_be_told_apart():
-    assert outlook(np.zeros((2, 2)), (0.5, 0.5), ("a", "a")).wrong == 0.0
+    assert score(np.zeros((2, 2)), (0.5, 0.5), ("a", "a")).wrong == 0.0
 
 
 def test_a_pair_that_nothing_parts_does_not_decide():
@@ -46,7 +46,7 @@ def test_a_pair_that_nothing_parts_does_not_decide():
     poor, good = np.zeros((4, 4)), np.zeros((4, 4))
     poor[0, 1:] = (0.1, 0.1, 0.5)
     good[:3, 3] = 25.0
-    assert outlook(good).wrong < outlook(poor).wrong
+    assert score(good).wrong < score(poor).wrong
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +57,8 @@ def found():
         {"pad_friction": {"scale": 0.5}},
         {"camera_tilt": {"angle_rad": 0.01}},
     ]
-    rivals = [SimpleNamespace(names=list(each), settings=each) for each in settings]
-    return SimpleNamespace(rivals=rivals, chances=np.array([0.5, 0.3, 0.2]))
+    candidates = [SimpleNamespace(names=list(each), effect_values=each) for each in settings]
+    return SimpleNamespace(candidates=candidates, chances=np.array([0.5, 0.3, 0.2]))
 
 
 def test_a_gait_is_proposed_that_was_not_measured(found, monkeypatch):
@@ -76,13 +76,13 @@ def test_a_gait_is_proposed_that_was_not_measured(found, monkeypatch):
 
 def test_a_cause_that_stands_alone_is_put_to_the_test(found):
     """The runner-up counts, though nothing is left of its probability."""
-    sure = SimpleNamespace(rivals=found.rivals, chances=np.array([1.0, 0.0, 0.0]))
-    rivals, chances = _rivals(sure)
-    assert [rival.names for rival in rivals] == [["camera_scale"], ["pad_friction"]]
+    sure = SimpleNamespace(candidates=found.candidates, chances=np.array([1.0, 0.0, 0.0]))
+    candidates, chances = _candidates(sure)
+    assert [candidate.names for candidate in candidates] == [["camera_scale"], ["pad_friction"]]
     assert chances == pytest.approx([1.0 / 1.01, 0.01 / 1.01])
 
 
 def test_one_effect_alone_needs_no_experiment(found):
-    alone = SimpleNamespace(rivals=found.rivals[:1], chances=np.ones(1))
+    alone = SimpleNamespace(candidates=found.candidates[:1], chances=np.ones(1))
     simulator = Simulator.build(load_problem("arcfold"))
     assert propose(simulator, alone, [], ["marker.x"], None, 1) is None

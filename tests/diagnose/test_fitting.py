@@ -99,10 +99,10 @@ def test_nothing_to_try_is_said(simulator, tmp_path):
 
 
 def test_hypotheses_stay_inside_their_bounds(simulator, arcfold):
-    rivals = hypotheses(simulator.effects.nominal, arcfold.channel_names, offset_known=False)
-    assert len({h.name for h in rivals}) == len(rivals)
-    assert not any(h.effect.name in ("clock_offset", "clock_rounding", "marker_outliers") for h in rivals)
-    for h in rivals:
+    candidates = hypotheses(simulator.effects.nominal, arcfold.channel_names, offset_known=False)
+    assert len({h.name for h in candidates}) == len(candidates)
+    assert not any(h.effect.name in ("clock_offset", "clock_rounding", "marker_outliers") for h in candidates)
+    for h in candidates:
         assert h.low <= h.neutral <= h.high
         assert all(h.low <= at <= h.high and at != h.neutral for at in h.screened)
         # What lies on one side of neutral foretells nothing of the other, nor a tenth of the way of the rest.

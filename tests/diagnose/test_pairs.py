@@ -20,8 +20,8 @@ FIRST, SECOND, THIRD = RNG.standard_normal((3, ROWS))
 
 def fit(name: str, direction: np.ndarray, measured: np.ndarray, target: str = "all") -> Fit:
     """An effect between 0 and 1 that adds its direction, simulated at neutral, 0.5 and 1."""
-    bench = toy_bench(ROWS, 4)
-    return toy_fit(bench, measured, lambda a: a * direction, (0.0, 0.5, 1.0), name, target)
+    trial_set = toy_bench(ROWS, 4)
+    return toy_fit(trial_set, measured, lambda a: a * direction, (0.0, 0.5, 1.0), name, target)
 
 
 def pair_of(one: Fit, two: Fit, at: tuple[float, float], measured: np.ndarray) -> PairFit:
@@ -40,7 +40,7 @@ def test_an_effect_that_does_the_same_is_tried_in_the_place_of_either() -> None:
     (start,) = pairs._twins(best, [one, two, twin, other], nominal, [best])
     assert [f.hypothesis.effect.name for f in start[:2]] == ["one", "twin"]
     assert start[2] == pytest.approx([0.6, 0.5], abs=0.01)
-    near = PairFit((one, twin), best.points, best.slopes)
+    near = PairFit((one, twin), best.comparisons, best.slopes)
     assert pairs._twins(best, [one, two, twin, other], nominal, [best, near]) == []
 
 

@@ -36,7 +36,7 @@ from gaitopt.blind.scoring import Case, score, sentences
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
 from gaitopt.diagnose.diagnosis import diagnose
-from gaitopt.diagnose.fit.cache import Memory
+from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.fitting import ALIKE
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.effects import EFFECTS
@@ -152,7 +152,7 @@ def run_case(
         return head | {"unreachable": only or kind}
     simulator = Simulator.build(problem)
     dataset = load_dataset(work / name, problem, [s for s in simulator.signals if s])
-    memory = Memory.of(work / "memory" / name, simulator, dataset, 1)
+    memory = SimulationCache.of(work / "memory" / name, simulator, dataset, 1)
     begun, spent = time.monotonic(), time.process_time()
     content = diagnose(simulator, dataset, executor, 1, next_gait=False, memory=memory).to_dict()
     if not times.exists():  # a diagnosis from memory would be too quick

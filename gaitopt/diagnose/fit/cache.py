@@ -22,7 +22,7 @@ Arrays = Mapping[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
-class Memory:
+class SimulationCache:
     """Results by name, each a file that is written whole.
 
     Attributes:
@@ -32,8 +32,8 @@ class Memory:
     folder: Path
 
     @staticmethod
-    def of(folder: Path, simulator: Simulator, dataset: DataSet, seed: int) -> Memory:
-        """Return the memory, in a folder, of all diagnoses that would simulate the same."""
+    def of(folder: Path, simulator: Simulator, dataset: DataSet, seed: int) -> SimulationCache:
+        """Return the cache, in a folder, of all diagnoses that would simulate the same."""
         problem = carrying(simulator.problem)
         file = problem.to_toml(problem.model_path.name)
         said = (versions(), file, sorted((problem.carried or {}).items()), simulator.fidelity, seed)
@@ -43,14 +43,14 @@ class Memory:
             digest.update(repr(entry).encode())
             for series in (trial.time, *trial.signals.values()):
                 digest.update(series.tobytes())
-        return Memory(folder / f"simulated-{digest.hexdigest()[:16]}")
+        return SimulationCache(folder / f"simulated-{digest.hexdigest()[:16]}")
 
     @property
     def count(self) -> int:
         """How many results there are."""
         return sum(1 for _ in self.folder.glob("[0-9a-f]*.npz"))
 
-    def recall(self, name: str) -> dict[str, NDArray[np.float64]] | None:
+    def read(self, name: str) -> dict[str, NDArray[np.float64]] | None:
         """Return a result, or None where there is none that can be read."""
         try:
             with np.load(self._path(name)) as arrays:
@@ -58,7 +58,7 @@ class Memory:
         except (OSError, ValueError, EOFError, zipfile.BadZipFile):
             return None
 
-    def keep(self, name: str, arrays: Arrays) -> None:
+    def write(self, name: str, arrays: Arrays) -> None:
         """Write a result.
 
         Raises:
@@ -67,7 +67,7 @@ class Memory:
         self.folder.mkdir(parents=True, exist_ok=True)
         write_with(self._path(name), lambda path: np.savez(path, allow_pickle=False, **arrays))
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Remove all results."""
         shutil.rmtree(self.folder, ignore_errors=True)
 

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.diagnose.fit.cache import Memory
+from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
-from gaitopt.diagnose.fit.residual import View
+from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.diagnose.gap.predict import latest_gait_time
 from gaitopt.diagnose.record.dataset import Trial
 from gaitopt.effects.active import Values
@@ -65,65 +65,66 @@ Note = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
-class Point:
+class Comparison:
     """All trials beside one robot.
 
     Attributes:
         at: coordinates of the robot's parameters, shape (number of effects,).
         whitened: residual of all trials, shape (rows,).
-        apart: marker's residuals of all samples, m.
+        marker: marker's residuals of all samples, m.
         angles: angles' residuals of all samples, rad.
     """
 
     at: Array
     whitened: Array
-    apart: Array
+    marker: Array
     angles: Array
 
 
 @dataclass(frozen=True)
-class Bench:
+class TrialSet:
     """The trials, and what simulates robots for them.
 
     Attributes:
         problem: the nominal problem.
         simulator: its robot.
-        views: the trials.
+        trials: the trials.
         nominal: nominal trajectories of the trials.
         blocks: block of each row, a cycle of a trial, from 0, shape (rows,).
         block_trials: trial of each block, shape (blocks,).
         sample_trials: trial of each sample of the marker.
         folds: blocks of each fold that is left out in turn.
-        memory: what has been simulated before an interruption; None to keep nothing.
-        turns: of each trial, what takes rows whitened by its view to those that are compared; none for these.
+        cache: what has been simulated before an interruption; None to keep nothing.
+        whitening_updates: of each trial, a matrix from rows with its first covariance to rows with a later
+            one; empty for the first.
     """
 
     problem: Problem
     simulator: Simulator
-    views: tuple[View, ...]
+    trials: tuple[WhitenedTrial, ...]
     nominal: tuple[Trajectory, ...]
     blocks: NDArray[np.intp]
     block_trials: NDArray[np.intp]
     sample_trials: NDArray[np.intp]
     sample_blocks: NDArray[np.intp]
     folds: tuple[NDArray[np.intp], ...]
-    memory: Memory | None = None
-    turns: tuple[Array, ...] = ()
+    cache: SimulationCache | None = None
+    whitening_updates: tuple[Array, ...] = ()
 
     @property
-    def count(self) -> int:
+    def n_blocks(self) -> int:
         """Number of blocks."""
         return len(self.block_trials)
 
     @property
-    def trials(self) -> int:
+    def n_trials(self) -> int:
         """Number of trials."""
         return int(self.block_trials[-1]) + 1
 
     @property
-    def rows_of_blocks(self) -> Array:
+    def rows_per_block(self) -> Array:
         """Rows in each block, shape (blocks,)."""
-        counts: Array = np.bincount(self.blocks, minlength=self.count).astype(float)
+        counts: Array = np.bincount(self.blocks, minlength=self.n_blocks).astype(float)
         return counts
 
     @property
@@ -131,14 +132,14 @@ class Bench:
         """Each fold with the weights of the blocks that its fit may see, shape (blocks,)."""
         pairs = []
         for fold in self.folds:
-            weights = np.ones(self.count)
+            weights = np.ones(self.n_blocks)
             weights[fold] = 0.0
             pairs.append((fold, weights))
         return pairs
 
     def losses(self, one: Array, other: Array) -> Array:
         """Return the inner product of two whitened residuals, block by block, shape (blocks,)."""
-        sums: Array = np.bincount(self.blocks, one * other, minlength=self.count).astype(float)
+        sums: Array = np.bincount(self.blocks, one * other, minlength=self.n_blocks).astype(float)
         return sums
 
     def of_trials(self, whitened: Array) -> Array:
@@ -147,65 +148,70 @@ class Bench:
 
     def sums(self, losses: Array) -> Array:
         """Return the loss of each trial from that of each block, shape (trials,)."""
-        totals: Array = np.bincount(self.block_trials, losses, minlength=self.trials).astype(float)
+        totals: Array = np.bincount(self.block_trials, losses, minlength=self.n_trials).astype(float)
         return totals
 
     @property
-    def first(self) -> Bench:
-        """The bench before it was taught anew."""
-        return replace(self, turns=())
+    def first(self) -> TrialSet:
+        """The trial_set before it was taught anew."""
+        return replace(self, whitening_updates=())
 
-    def taught(self, changes: Array) -> Bench:
-        """Return the bench with the covariance that some robots teach.
+    def with_covariance_of(self, changes: Array) -> TrialSet:
+        """Return the trial_set with the covariance that some robots teach.
 
         Args:
             changes: what they change, whitened by the views, shape (draws, rows).
         """
         parts = np.split(changes, self._ends, axis=1)
-        return replace(self, turns=tuple(v.turn(part) for v, part in zip(self.views, parts, strict=True)))
+        return replace(
+            self,
+            whitening_updates=tuple(
+                v.whitening_update(part) for v, part in zip(self.trials, parts, strict=True)
+            ),
+        )
 
-    def rewhitened(self, rows: Array, before: Bench) -> Array:
-        """Return rows, or columns of them, that another bench of the same trials has whitened."""
+    def rewhiten(self, rows: Array, before: TrialSet) -> Array:
+        """Return rows, or columns of them, that another trial_set of the same trials has whitened."""
         parts = np.split(rows, self._ends)
-        if before.turns:
-            undone = zip(before.turns, parts, strict=True)
+        if before.whitening_updates:
+            undone = zip(before.whitening_updates, parts, strict=True)
             parts = [solve_triangular(turn, part, lower=True) for turn, part in undone]
-        if self.turns:
-            parts = [turn @ part for turn, part in zip(self.turns, parts, strict=True)]
+        if self.whitening_updates:
+            parts = [turn @ part for turn, part in zip(self.whitening_updates, parts, strict=True)]
         return np.concatenate(parts)
 
-    def seen(self, point: Point, before: Bench) -> Point:
-        """Return a point that another bench of the same trials has whitened."""
-        return replace(point, whitened=self.rewhitened(point.whitened, before))
+    def rewhiten_comparison(self, point: Comparison, before: TrialSet) -> Comparison:
+        """Return a point that another trial_set of the same trials has whitened."""
+        return replace(point, whitened=self.rewhiten(point.whitened, before))
 
     @property
     def _ends(self) -> Array:
-        ends: Array = np.cumsum([len(view.counts) for view in self.views])[:-1]
+        ends: Array = np.cumsum([len(view.counts) for view in self.trials])[:-1]
         return ends
 
-    def point(self, at: Sequence[float], trajectories: Sequence[Trajectory]) -> Point | None:
+    def point(self, at: Sequence[float], trajectories: Sequence[Trajectory]) -> Comparison | None:
         """Return the trials beside some trajectories, whitened by their views; None where one failed."""
         compared = []
-        for one, trajectory in zip(self.views, trajectories, strict=True):
+        for one, trajectory in zip(self.trials, trajectories, strict=True):
             found = one.compare(trajectory)
             if found is None or not np.isfinite(found.whitened).all():
                 return None
             compared.append(found)
-        return Point(
+        return Comparison(
             np.array(at, dtype=float),
             np.concatenate([c.whitened for c in compared]),
-            np.concatenate([c.apart for c in compared]),
+            np.concatenate([c.marker for c in compared]),
             np.concatenate([c.angles for c in compared]),
         )
 
 
-def bench(
+def build_trial_set(
     problem: Problem,
     simulator: Simulator,
-    views: Sequence[View],
+    views: Sequence[WhitenedTrial],
     nominal: Sequence[Trajectory],
-    memory: Memory | None = None,
-) -> Bench:
+    cache: SimulationCache | None = None,
+) -> TrialSet:
     """Return the trials with their blocks and folds: a gait is left out, or a trial, or some cycles."""
     blocks, block_trials, first = [], [], 0
     sample_trials, sample_blocks = [], []
@@ -219,7 +225,7 @@ def bench(
                 sample_blocks += (first + numbers[rows]).tolist()
         first += len(present)
     trials = np.array(block_trials)
-    return Bench(
+    return TrialSet(
         problem,
         simulator,
         tuple(views),
@@ -229,11 +235,11 @@ def bench(
         np.array(sample_trials, dtype=np.intp),
         np.array(sample_blocks, dtype=np.intp),
         _folds(views, trials),
-        memory,
+        cache,
     )
 
 
-def _folds(views: Sequence[View], block_trials: NDArray[np.intp]) -> tuple[NDArray[np.intp], ...]:
+def _folds(views: Sequence[WhitenedTrial], block_trials: NDArray[np.intp]) -> tuple[NDArray[np.intp], ...]:
     keys = [v.aligned.trial.gait.key for v in views]
     groups = keys if len(set(keys)) > 1 else [str(i) for i in range(len(views))]
     names = np.array(groups)[block_trials]
@@ -244,52 +250,56 @@ def _folds(views: Sequence[View], block_trials: NDArray[np.intp]) -> tuple[NDArr
 
 
 def simulate(
-    bench: Bench, effects: Mapping[str, Values], at: Sequence[float], observed_only: bool
-) -> Point | None:
+    trial_set: TrialSet, effects: Mapping[str, Values], at: Sequence[float], observed_only: bool
+) -> Comparison | None:
     """Return the trials beside a robot with some effects: the unit of work; None where it fails.
 
     Args:
-        bench: the trials.
+        trial_set: the trials.
         effects: the effects, as a problem file says them.
         at: coordinates to note in the result.
         observed_only: the effects change the measurement alone, so nothing is simulated.
     """
     try:
-        problem = bench.problem.with_effects(effects)
+        problem = trial_set.problem.with_effects(effects)
         if observed_only:
-            active = replace(bench.simulator.effects, active=problem.effects)
-            model, rng = bench.simulator.models[0], np.random.default_rng(0)
-            point = bench.point(at, [active.observe(t, model, rng) for t in bench.nominal])
-            return None if point is None else bench.seen(point, bench.first)
+            active = replace(trial_set.simulator.effects, active=problem.effects)
+            model, rng = trial_set.simulator.models[0], np.random.default_rng(0)
+            point = trial_set.point(at, [active.observe(t, model, rng) for t in trial_set.nominal])
+            return None if point is None else trial_set.rewhiten_comparison(point, trial_set.first)
         name = repr(sorted((effect, sorted(values.items())) for effect, values in effects.items()))
-        return film(bench, Simulator.build(problem, fidelity=bench.simulator.fidelity), name, at)
+        return compare_robot(
+            trial_set, Simulator.build(problem, fidelity=trial_set.simulator.fidelity), name, at
+        )
     except GaitoptError:
         return None
 
 
-def film(bench: Bench, robot: Simulator, name: str, at: Sequence[float] = ()) -> Point | None:
-    """Return the trials beside a robot, from memory where that has it; None where the simulation fails.
+def compare_robot(
+    trial_set: TrialSet, robot: Simulator, name: str, at: Sequence[float] = ()
+) -> Comparison | None:
+    """Return the trials beside a robot, from cache where that has it; None where the simulation fails.
 
     Args:
-        bench: the trials.
+        trial_set: the trials.
         robot: the robot.
-        name: what the memory calls the result.
+        name: what the cache calls the result.
         at: coordinates to note in the result.
     """
-    known = None if bench.memory is None else bench.memory.recall(name)
+    known = None if trial_set.cache is None else trial_set.cache.read(name)
     if known is not None:
-        point: Point | None = Point(
+        point: Comparison | None = Comparison(
             np.array(at, dtype=float), known["whitened"], known["apart"], known["angles"]
         )
     else:
         try:
-            point = bench.point(at, predictions(robot, [v.aligned.trial for v in bench.views]))
+            point = trial_set.point(at, predictions(robot, [v.aligned.trial for v in trial_set.trials]))
         except GaitoptError:
             return None
-        if point is not None and bench.memory is not None:
-            arrays = {"whitened": point.whitened, "apart": point.apart, "angles": point.angles}
-            bench.memory.keep(name, arrays)
-    return None if point is None else bench.seen(point, bench.first)
+        if point is not None and trial_set.cache is not None:
+            arrays = {"whitened": point.whitened, "apart": point.marker, "angles": point.angles}
+            trial_set.cache.write(name, arrays)
+    return None if point is None else trial_set.rewhiten_comparison(point, trial_set.first)
 
 
 def predictions(simulator: Simulator, trials: Sequence[Trial]) -> list[Trajectory]:
@@ -329,28 +339,33 @@ class Fit:
 
     Attributes:
         hypothesis: the hypothesis.
-        bench: the trials.
+        trial_set: the trials.
         points: simulated sets in order of their coordinate, the nominal robot among them.
         failed: coordinates that could not be simulated.
     """
 
     hypothesis: Hypothesis
-    bench: Bench
-    points: list[Point]
+    trial_set: TrialSet
+    comparisons: list[Comparison]
     failed: list[float] = field(default_factory=list)
     _curve: Curve | None = field(default=None, repr=False)
 
-    def on(self, bench: Bench) -> Fit:
-        """Return the fit as another bench of the same trials sees it."""
-        return Fit(self.hypothesis, bench, [bench.seen(p, self.bench) for p in self.points], [*self.failed])
+    def on(self, trial_set: TrialSet) -> Fit:
+        """Return the fit as another trial_set of the same trials sees it."""
+        return Fit(
+            self.hypothesis,
+            trial_set,
+            [trial_set.rewhiten_comparison(p, self.trial_set) for p in self.comparisons],
+            [*self.failed],
+        )
 
-    def add(self, at: float, point: Point | None) -> None:
+    def add(self, at: float, point: Comparison | None) -> None:
         """Take in one more set, None where it could not be simulated."""
         self._curve = None
         if point is None:
             self.failed.append(at)
             return
-        self.points = sorted([*self.points, point], key=lambda p: float(p.at[0]))
+        self.comparisons = sorted([*self.comparisons, point], key=lambda p: float(p.at[0]))
 
     @property
     def observed(self) -> bool:
@@ -379,19 +394,19 @@ class Fit:
         return column
 
     def between(self, what: str, weights: Array | None = None) -> Array:
-        """Return an attribute of `Point` where the weighted loss is least."""
+        """Return an attribute of `Comparison` where the weighted loss is least."""
         curve, index = self.curve, self._least(weights)
         left, share = int(curve.left[index]), float(curve.share[index])
-        if len(self.points) == 1:
-            return np.asarray(getattr(self.points[0], what))
-        low, high = getattr(self.points[left], what), getattr(self.points[left + 1], what)
+        if len(self.comparisons) == 1:
+            return np.asarray(getattr(self.comparisons[0], what))
+        low, high = getattr(self.comparisons[left], what), getattr(self.comparisons[left + 1], what)
         mixed: Array = (1.0 - share) * low + share * high
         return mixed
 
     def product(self, row: Array) -> Array:
         """Return the inner product of the whitened residual with a row of as many, along the curve."""
-        curve, last = self.curve, len(self.points) - 1
-        products = np.array([float(point.whitened @ row) for point in self.points])
+        curve, last = self.curve, len(self.comparisons) - 1
+        products = np.array([float(point.whitened @ row) for point in self.comparisons])
         along: Array = (1.0 - curve.share) * products[curve.left]
         along += curve.share * products[np.minimum(curve.left + 1, last)]
         return along
@@ -404,21 +419,21 @@ class Fit:
 
     def _changes(self) -> Array:
         """Return the whitened changes of the simulated sets, that of the neutral one being 0."""
-        changes: Array = np.stack([p.whitened for p in self.points]) - self._neutral
+        changes: Array = np.stack([p.whitened for p in self.comparisons]) - self._neutral
         return changes
 
     @property
     def _neutral(self) -> Array:
         """The whitened residual without the effect."""
-        return min(self.points, key=lambda p: abs(float(p.at[0]) - self.hypothesis.neutral)).whitened
+        return min(self.comparisons, key=lambda p: abs(float(p.at[0]) - self.hypothesis.neutral)).whitened
 
     def wanted(self) -> float | None:
         """Return the coordinate to simulate next, or None where that would tell nothing new."""
-        at = self._next() if len(self.points) > 1 else None
+        at = self._next() if len(self.comparisons) > 1 else None
         return None if at is None or at in self.failed else at
 
     def _next(self) -> float | None:
-        known = np.array([float(p.at[0]) for p in self.points])
+        known = np.array([float(p.at[0]) for p in self.comparisons])
         width = self.hypothesis.high - self.hypothesis.low
         best = self.best()
         index = int(np.abs(known - best).argmin())
@@ -438,8 +453,8 @@ class Fit:
     def unsure(self) -> float | None:
         """Return the best coordinate where its residual is not yet close to a simulated one."""
         best, white = self.best(), self.between("whitened")
-        nearest = min(float(np.mean((p.whitened - white) ** 2)) for p in self.points)
-        apart = min(abs(float(p.at[0]) - best) for p in self.points)
+        nearest = min(float(np.mean((p.whitened - white) ** 2)) for p in self.comparisons)
+        apart = min(abs(float(p.at[0]) - best) for p in self.comparisons)
         width = self.hypothesis.high - self.hypothesis.low
         known = best in self.failed or apart <= 1e-6 * width
         return best if nearest > _CLOSE and not known else None
@@ -450,9 +465,9 @@ class Fit:
 
 
 def _curve(fit: Fit) -> Curve:
-    points, bench = fit.points, fit.bench
+    points, trial_set = fit.comparisons, fit.trial_set
     if len(points) == 1:
-        alone = bench.losses(points[0].whitened, points[0].whitened)
+        alone = trial_set.losses(points[0].whitened, points[0].whitened)
         return Curve(points[0].at[:1], alone[:, None], np.zeros(1, dtype=np.intp), np.zeros(1))
     at, losses, lefts, shares = [], [], [], []
     last = len(points) - 2
@@ -463,7 +478,8 @@ def _curve(fit: Fit) -> Curve:
         if left == last:
             share = np.append(share, 1.0)
         own, mixed, other = (
-            bench.losses(a.whitened, b.whitened)[:, None] for a, b in ((low, low), (low, high), (high, high))
+            trial_set.losses(a.whitened, b.whitened)[:, None]
+            for a, b in ((low, low), (low, high), (high, high))
         )
         losses.append((1.0 - share) ** 2 * own + 2.0 * share * (1.0 - share) * mixed + share**2 * other)
         at.append(low.at[0] + share * gap)
@@ -475,18 +491,18 @@ def _curve(fit: Fit) -> Curve:
 
 
 def fit_all(
-    bench: Bench, rivals: Sequence[Hypothesis], nominal: Point, executor: Executor, note: Note
+    trial_set: TrialSet, candidates: Sequence[Hypothesis], nominal: Comparison, executor: Executor, note: Note
 ) -> list[Fit]:
     """Screen every hypothesis, then fit those that have a chance, in rounds.
 
     Args:
-        bench: the trials.
-        rivals: the hypotheses.
+        trial_set: the trials.
+        candidates: the hypotheses.
         nominal: the trials beside the nominal robot.
         executor: where robots are simulated.
         note: called as it goes.
     """
-    fits = [Fit(h, bench, [replace(nominal, at=np.array([h.neutral]))]) for h in rivals]
+    fits = [Fit(h, trial_set, [replace(nominal, at=np.array([h.neutral]))]) for h in candidates]
     count = Count("fitting effects", note)
     _simulate_each([(fit, at) for fit in fits for at in fit.hypothesis.screened], executor, count)
     rows = len(nominal.whitened)
@@ -560,7 +576,7 @@ def _simulate_each(work: Sequence[tuple[Fit, float]], executor: Executor, count:
     futures = []
     for fit, at in work:
         h = fit.hypothesis
-        call = (fit.bench, {h.effect.name: h.values(at)}, [at], fit.observed)
+        call = (fit.trial_set, {h.effect.name: h.values(at)}, [at], fit.observed)
         futures.append((fit, at, executor.submit(simulate, *call)))
     for fit, at, future in futures:
         fit.add(at, future.result())

@@ -1,4 +1,4 @@
-"""The rivals: every effect that applies to a robot, on each target that it can have."""
+"""The candidates: every effect that applies to a robot, on each target that it can have."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.fit.fitting import ALIKE, Bench, Count, Fit, Note, Point, simulate
+from gaitopt.diagnose.fit.fitting import ALIKE, Comparison, Count, Fit, Note, TrialSet, simulate
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class PairFit:
     """
 
     fits: tuple[Fit, Fit]
-    points: list[Point]
+    comparisons: list[Comparison]
     slopes: Array
     farthest: float = _FARTHEST
 
@@ -86,27 +86,27 @@ class PairFit:
         """The two effects."""
         return [fit.hypothesis.effect.name for fit in self.fits]
 
-    def on(self, bench: Bench) -> PairFit:
-        """Return the pair as another bench of the same trials sees it."""
+    def on(self, trial_set: TrialSet) -> PairFit:
+        """Return the pair as another trial_set of the same trials sees it."""
         one, other = self.fits
-        before = one.bench
-        points = [bench.seen(point, before) for point in self.points]
-        slopes = bench.rewhitened(self.slopes, before)
-        return PairFit((one.on(bench), other.on(bench)), points, slopes, self.farthest)
+        before = one.trial_set
+        points = [trial_set.rewhiten_comparison(point, before) for point in self.comparisons]
+        slopes = trial_set.rewhiten(self.slopes, before)
+        return PairFit((one.on(trial_set), other.on(trial_set)), points, slopes, self.farthest)
 
-    def best(self, weights: Array | None = None) -> Point:
+    def best(self, weights: Array | None = None) -> Comparison:
         """Return the simulated pair of the least loss, blocks weighted."""
-        return min(self.points, key=lambda point: self._loss(point, weights))
+        return min(self.comparisons, key=lambda point: self._loss(point, weights))
 
-    def _loss(self, point: Point, weights: Array | None) -> float:
-        losses = self.fits[0].bench.losses(point.whitened, point.whitened)
+    def _loss(self, point: Comparison, weights: Array | None) -> float:
+        losses = self.fits[0].trial_set.losses(point.whitened, point.whitened)
         return float(losses.sum() if weights is None else weights @ losses)
 
     def step(self, weights: Array | None = None) -> Array:
         """Return the Gauss–Newton step from the best point, each coordinate's, blocks weighted."""
         point = self.best(weights)
-        bench = self.fits[0].bench
-        by_row = np.ones(len(point.whitened)) if weights is None else weights[bench.blocks]
+        trial_set = self.fits[0].trial_set
+        by_row = np.ones(len(point.whitened)) if weights is None else weights[trial_set.blocks]
         root = np.sqrt(by_row)[:, None]
         step, *_ = np.linalg.lstsq(root * self.slopes, -root[:, 0] * point.whitened, rcond=None)
         step *= min(1.0, self.farthest / max(float(np.abs(step / self.spans).max()), 1e-9))
@@ -127,7 +127,7 @@ class PairFit:
         return np.array([(fit.hypothesis.low, fit.hypothesis.high)[side] for fit in self.fits])
 
 
-def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Note) -> list[PairFit]:
+def fit_pairs(fits: Sequence[Fit], nominal: Comparison, executor: Executor, note: Note) -> list[PairFit]:
     """Fit the pairs that look best.
 
     Args:
@@ -152,7 +152,7 @@ def fit_pairs(fits: Sequence[Fit], nominal: Point, executor: Executor, note: Not
     return pairs
 
 
-def _searched(fits: Sequence[Fit], nominal: Point, executor: Executor, count: Count) -> list[PairFit]:
+def _searched(fits: Sequence[Fit], nominal: Comparison, executor: Executor, count: Count) -> list[PairFit]:
     """Fit the most promising pairs, and as many more while what the best leaves is far from right."""
     begun, pairs = _begun(_starts(fits, nominal), executor, count), list[PairFit]()
     for _ in range(_BATCHES):
@@ -205,7 +205,7 @@ def _improve(
             _learn(pair, point)
 
 
-def _starts(fits: Sequence[Fit], nominal: Point) -> list[Start]:
+def _starts(fits: Sequence[Fit], nominal: Comparison) -> list[Start]:
     """Return the sums that look best, and every other effect on top of the best one."""
     found = {_hypotheses((one, other)): (one, other, at) for one, other, at in _promising(fits, nominal)}
     best = min(fits, key=lambda fit: float(fit.loss().sum()))
@@ -217,14 +217,14 @@ def _starts(fits: Sequence[Fit], nominal: Point) -> list[Start]:
     return list(found.values())
 
 
-def _twins(pair: PairFit, fits: Sequence[Fit], nominal: Point, near: Sequence[PairFit]) -> list[Start]:
+def _twins(pair: PairFit, fits: Sequence[Fit], nominal: Comparison, near: Sequence[PairFit]) -> list[Start]:
     """Return each effect that does much the same as one of a pair, beside the other, if not near yet."""
     known = {_hypotheses(other.fits) for other in near}
     found: list[tuple[float, Start]] = []
     for index, one in enumerate(pair.fits):
         stays = pair.fits[1 - index]
         at = float(pair.best().at[1 - index])
-        if len(stays.points) < 2:
+        if len(stays.comparisons) < 2:
             continue
         remaining, _ = _line(stays, at)
         for fit in fits:
@@ -237,7 +237,7 @@ def _twins(pair: PairFit, fits: Sequence[Fit], nominal: Point, near: Sequence[Pa
 
 
 def _beside(
-    pairs: Sequence[PairFit], fits: Sequence[Fit], nominal: Point, executor: Executor, count: Count
+    pairs: Sequence[PairFit], fits: Sequence[Fit], nominal: Comparison, executor: Executor, count: Count
 ) -> list[PairFit]:
     """Fit what does the same as one of the best pair from where that pair is; return the pairs that are new.
 
@@ -251,18 +251,18 @@ def _beside(
         work.append((pair, at if pair.fits[0] is one else at[::-1]))
     begun = _simulated(work, executor, count)
     for pair, point in begun:
-        pair.points.append(point)
+        pair.comparisons.append(point)
     found = [pair for pair, _ in begun]
     _improve(found, _BESIDE_ROUNDS, executor, count)
     return [pair for pair in found if pair not in pairs]
 
 
-def _substitutes(pair: PairFit, fits: Sequence[Fit], nominal: Point) -> list[Start]:
+def _substitutes(pair: PairFit, fits: Sequence[Fit], nominal: Comparison) -> list[Start]:
     """Return the effects that come near to what one of a pair does where it is, beside the other."""
     found: list[tuple[float, Start]] = []
     for index, one in enumerate(pair.fits):
         stays, at = pair.fits[1 - index], pair.best().at
-        if len(one.points) < 2:
+        if len(one.comparisons) < 2:
             continue
         change = _line(one, float(at[index]))[0] - nominal.whitened
         for fit in fits:
@@ -276,9 +276,9 @@ def _substitutes(pair: PairFit, fits: Sequence[Fit], nominal: Point) -> list[Sta
 
 def _line(fit: Fit, at: float) -> tuple[Array, Array]:
     """Return the whitened residual of a fit at a coordinate, between the robots simulated, and its slope."""
-    known = np.array([float(p.at[0]) for p in fit.points])
+    known = np.array([float(p.at[0]) for p in fit.comparisons])
     right = int(np.clip(np.searchsorted(known, at), 1, len(known) - 1))
-    low, high = fit.points[right - 1], fit.points[right]
+    low, high = fit.comparisons[right - 1], fit.comparisons[right]
     gap = known[right] - known[right - 1]
     share = (at - known[right - 1]) / gap
     mixed: Array = (1.0 - share) * low.whitened + share * high.whitened
@@ -298,13 +298,13 @@ def _begun(starts: Sequence[Start], executor: Executor, count: Count) -> list[Pa
     for one, other, at in starts:
         if abs(at[1] - other.hypothesis.neutral) < 1e-9:
             at = np.array([at[0], _screened(other)])
-        work.append((PairFit((one, other), [], np.empty((len(one.points[0].whitened), 2))), at))
+        work.append((PairFit((one, other), [], np.empty((len(one.comparisons[0].whitened), 2))), at))
     begun = []
     for pair, point in _simulated(work, executor, count):
         one, other = pair.fits
         alone, pair.slopes[:, 0] = _line(one, float(point.at[0]))
         pair.slopes[:, 1] = (point.whitened - alone) / (point.at[1] - other.hypothesis.neutral)
-        pair.points.append(point)
+        pair.comparisons.append(point)
         begun.append(pair)
     return begun
 
@@ -327,7 +327,7 @@ def _near(pairs: Sequence[PairFit]) -> list[PairFit]:
 
 def _simulated(
     work: Sequence[tuple[PairFit, Array]], executor: Executor, count: Count
-) -> list[tuple[PairFit, Point]]:
+) -> list[tuple[PairFit, Comparison]]:
     """Return each pair with its simulation at some coordinates, those left out that failed."""
     count.add(0, len(work))
     futures = [(pair, executor.submit(_simulate_pair, pair, at)) for pair, at in work]
@@ -355,12 +355,12 @@ def _measure_slopes(pairs: Sequence[PairFit], executor: Executor, count: Count) 
         moved = point.at - best.at
         index = int(np.argmax(np.abs(moved)))
         pair.slopes[:, index] = (point.whitened - best.whitened) / moved[index]
-        pair.points.append(point)
+        pair.comparisons.append(point)
         pair.farthest = _FARTHEST
 
 
 def _probe(pairs: Sequence[PairFit], executor: Executor, count: Count) -> None:
-    """Look a good way off along each coordinate of pairs: a jagged response has more than one valley."""
+    """Judgement a good way off along each coordinate of pairs: a jagged response has more than one valley."""
     work = []
     for pair in pairs:
         for way in np.concatenate([np.diag(pair.spans), -np.diag(pair.spans)]):
@@ -368,7 +368,7 @@ def _probe(pairs: Sequence[PairFit], executor: Executor, count: Count) -> None:
             if not np.array_equal(at, pair.best().at):
                 work.append((pair, at))
     for pair, point in _simulated(work, executor, count):
-        pair.points.append(point)
+        pair.comparisons.append(point)
 
 
 def _leave_out(pairs: Sequence[PairFit], executor: Executor, count: Count) -> None:
@@ -379,19 +379,19 @@ def _leave_out(pairs: Sequence[PairFit], executor: Executor, count: Count) -> No
     work = [
         (pair, pair.best(weights).at + pair.step(weights))
         for pair in _near(pairs)
-        for _, weights in pair.fits[0].bench.left_out
+        for _, weights in pair.fits[0].trial_set.left_out
     ]
     for pair, point in _simulated(work, executor, count):
-        pair.points.append(point)
+        pair.comparisons.append(point)
 
 
-def _promising(fits: Sequence[Fit], nominal: Point) -> list[Start]:
+def _promising(fits: Sequence[Fit], nominal: Comparison) -> list[Start]:
     """Return the best sums of two changes, few of the same effects: both fits and the coordinates.
 
     Each set that was simulated of one effect is added to each of another, not only those that fit best alone:
     beside another effect the best may be elsewhere.
     """
-    tried = [fit for fit in fits if len(fit.points) > 1]
+    tried = [fit for fit in fits if len(fit.comparisons) > 1]
     sums = sorted(_sums(tried, nominal), key=lambda entry: entry[0])[:_REFINED]
     found = [_refined(start, nominal) for _, start in sums]
     found.sort(key=lambda entry: entry[0])
@@ -399,24 +399,24 @@ def _promising(fits: Sequence[Fit], nominal: Point) -> list[Start]:
     return [starts[i] for i in _few_alike([(one, other) for one, other, _ in starts], _SUMS)]
 
 
-def _sums(fits: Sequence[Fit], nominal: Point) -> list[tuple[float, Start]]:
+def _sums(fits: Sequence[Fit], nominal: Comparison) -> list[tuple[float, Start]]:
     """Return, for each two effects, the least loss of a sum of sets that were simulated, and the sets."""
-    changes = np.stack([point.whitened - nominal.whitened for fit in fits for point in fit.points])
+    changes = np.stack([point.whitened - nominal.whitened for fit in fits for point in fit.comparisons])
     products = changes @ changes.T
     alone = np.diag(products) + 2.0 * changes @ nominal.whitened
     losses = float(nominal.whitened @ nominal.whitened) + alone[:, None] + alone + 2.0 * products
-    ends = np.cumsum([0, *(len(fit.points) for fit in fits)])
+    ends = np.cumsum([0, *(len(fit.comparisons) for fit in fits)])
     found = []
     for (i, one), (j, other) in combinations(enumerate(fits), 2):
         if one.hypothesis.effect.name != other.hypothesis.effect.name:
             block = losses[ends[i] : ends[i + 1], ends[j] : ends[j + 1]]
             least = np.unravel_index(int(np.argmin(block)), block.shape)
-            at = [float(fit.points[k].at[0]) for fit, k in zip((one, other), least, strict=True)]
+            at = [float(fit.comparisons[k].at[0]) for fit, k in zip((one, other), least, strict=True)]
             found.append((float(block[least]), (one, other, np.array(at))))
     return found
 
 
-def _refined(start: Start, nominal: Point) -> tuple[float, Start]:
+def _refined(start: Start, nominal: Comparison) -> tuple[float, Start]:
     """Return the loss of a sum, and its coordinates, each in turn moved to where the sum is least."""
     one, other, (here, there) = start
     for _ in range(_TURNS):
@@ -425,10 +425,10 @@ def _refined(start: Start, nominal: Point) -> tuple[float, Start]:
     return least, (one, other, np.array([here, there]))
 
 
-def _least_added(remaining: Array, fit: Fit, nominal: Point) -> tuple[float, float]:
+def _least_added(remaining: Array, fit: Fit, nominal: Comparison) -> tuple[float, float]:
     """Return the least loss, and its coordinate, when a fit's change is added to a residual."""
     best, at = float(remaining @ remaining), fit.hypothesis.neutral
-    for low, high in zip(fit.points[:-1], fit.points[1:], strict=True):
+    for low, high in zip(fit.comparisons[:-1], fit.comparisons[1:], strict=True):
         begin = remaining + low.whitened - nominal.whitened
         along = high.whitened - low.whitened
         share = float(np.clip(-(begin @ along) / max(float(along @ along), 1e-12), 0.0, 1.0))
@@ -439,15 +439,15 @@ def _least_added(remaining: Array, fit: Fit, nominal: Point) -> tuple[float, flo
     return best, at
 
 
-def _simulate_pair(pair: PairFit, at: Array) -> Point | None:
+def _simulate_pair(pair: PairFit, at: Array) -> Comparison | None:
     effects, observed = {}, True
     for fit, coordinate in zip(pair.fits, at.tolist(), strict=True):
         effects[fit.hypothesis.effect.name] = fit.hypothesis.values(coordinate)
         observed = observed and fit.observed
-    return simulate(pair.fits[0].bench, effects, at.tolist(), observed)
+    return simulate(pair.fits[0].trial_set, effects, at.tolist(), observed)
 
 
-def _learn(pair: PairFit, point: Point) -> None:
+def _learn(pair: PairFit, point: Comparison) -> None:
     """Take in a simulated pair, correct slopes by it as Broyden does; go less far if it is worse."""
     before = pair.best()
     moved = (point.at - before.at) / pair.spans
@@ -456,6 +456,6 @@ def _learn(pair: PairFit, point: Point) -> None:
         scaled = pair.slopes * pair.spans
         missed = point.whitened - before.whitened - scaled @ moved
         pair.slopes = (scaled + np.outer(missed, moved) / size) / pair.spans
-    pair.points.append(point)
+    pair.comparisons.append(point)
     if pair.best() is before:
         pair.farthest = 0.5 * min(pair.farthest, float(np.abs(moved).max()))

@@ -49,24 +49,25 @@ _DIFFERENCE_S = 2e-3
 
 
 @dataclass(frozen=True)
-class Compared:
+class TrialResiduals:
     """A trial beside one prediction.
 
     Attributes:
         whitened: shape (rows,).
-        apart: measured minus predicted of each sample of the marker, its origin removed, m, shape (samples,).
+        marker: measured minus predicted of each sample of the marker, m, its mean removed, shape
+            (samples,).
         angles: the same of the angles, rad.
         offset_s: gait time at the recording's zero, s.
     """
 
     whitened: Array
-    apart: Array
+    marker: Array
     angles: Array
     offset_s: float
 
 
 @dataclass(frozen=True)
-class View:
+class WhitenedTrial:
     """One trial, ready to be compared with any prediction of it.
 
     Attributes:
@@ -105,7 +106,7 @@ class View:
         white: Array = self.whitener @ rows
         return white
 
-    def turn(self, changes: Array) -> Array:
+    def whitening_update(self, changes: Array) -> Array:
         """Return what takes whitened rows to rows whitened by what other robots would have taught.
 
         Args:
@@ -119,14 +120,14 @@ class View:
         turn: Array = solve_triangular(cholesky(self.chance + robots, lower=True), factor, lower=True)
         return turn
 
-    def compare(self, trajectory: Trajectory) -> Compared | None:
+    def compare(self, trajectory: Trajectory) -> TrialResiduals | None:
         """Return the trial beside a prediction; None where the simulation failed."""
         if trajectory.status != "ok" or len(trajectory.time) == 0:
             return None
         offset = self._offset(trajectory) if self.free else self.aligned.offset_s
         white = self.whiten(self.measured - self.means(trajectory, offset))
         apart, angles = self._samples(trajectory, offset)
-        return Compared(white, apart, angles, offset)
+        return TrialResiduals(white, apart, angles, offset)
 
     def _offset(self, trajectory: Trajectory) -> float:
         """Return the offset with the smallest whitened residual, by Gauss and Newton from the nominal's."""
@@ -157,15 +158,15 @@ class View:
         return np.concatenate(kinds[True]), np.concatenate(kinds[False])
 
 
-def by_signal(views: Sequence[View], apart: Array, angles: Array) -> list[dict[str, Array]]:
-    """Return the samples of `View.compare`, of several trials one after another, by trial and signal.
+def by_signal(views: Sequence[WhitenedTrial], marker: Array, angles: Array) -> list[dict[str, Array]]:
+    """Return the samples of `WhitenedTrial.compare` of several trials, by trial and signal.
 
     Args:
         views: the trials, in order.
-        apart: the marker's residuals of all of them, m, shape (samples,).
+        marker: the marker's residuals of all of them, m, shape (samples,).
         angles: the angles', rad.
     """
-    left, found = {True: apart, False: angles}, []
+    left, found = {True: marker, False: angles}, []
     for one in views:
         trial, parts = one.aligned.trial, {}
         for name in trial.signals:
@@ -175,7 +176,7 @@ def by_signal(views: Sequence[View], apart: Array, angles: Array) -> list[dict[s
     return found
 
 
-def view(aligned: Aligned, floors: Floors, drawn: Sequence[Trajectory]) -> View:
+def whiten_trial(aligned: Aligned, floors: Floors, drawn: Sequence[Trajectory]) -> WhitenedTrial:
     """Return a trial ready for comparison.
 
     Args:
@@ -212,7 +213,7 @@ def view(aligned: Aligned, floors: Floors, drawn: Sequence[Trajectory]) -> View:
     cycles = np.floor(time / trial.period).astype(np.intp) - first
     factor = cholesky(chance + _of_robots(aligned, signal, time, np.array(changes)), lower=True)
     whitener = np.ascontiguousarray(solve_triangular(factor, np.eye(len(factor)), lower=True))
-    return View(aligned, rows, counts, measured / counts, whitener, cycles, signal, time, chance)
+    return WhitenedTrial(aligned, rows, counts, measured / counts, whitener, cycles, signal, time, chance)
 
 
 def _means(

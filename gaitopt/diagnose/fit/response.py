@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.fit.fitting import Bench, Fit, Point
+from gaitopt.diagnose.fit.fitting import Comparison, Fit, TrialSet
 from gaitopt.diagnose.fit.pairs import PairFit
 
 Array = NDArray[np.float64]
@@ -49,17 +49,19 @@ class Response:
 def of_fit(fit: Fit) -> Response:
     """Return the response near a fit's best robot."""
     best, h = fit.best(), fit.hypothesis
-    nearest = min(fit.points, key=lambda point: abs(float(point.at[0]) - best))
-    return _response(fit.bench, fit.points, nearest, np.array([h.high - h.low]), None)
+    nearest = min(fit.comparisons, key=lambda point: abs(float(point.at[0]) - best))
+    return _response(fit.trial_set, fit.comparisons, nearest, np.array([h.high - h.low]), None)
 
 
 def of_pair(pair: PairFit) -> Response:
     """Return the response near a pair's best robot."""
-    return _response(pair.fits[0].bench, pair.points, pair.best(), pair.spans, pair.slopes * pair.spans)
+    return _response(
+        pair.fits[0].trial_set, pair.comparisons, pair.best(), pair.spans, pair.slopes * pair.spans
+    )
 
 
 def _response(
-    bench: Bench, points: Sequence[Point], best: Point, spans: Array, known: Array | None
+    trial_set: TrialSet, points: Sequence[Comparison], best: Comparison, spans: Array, known: Array | None
 ) -> Response:
     """Return the response near a simulated robot; its slopes are `known` where too few robots are near."""
     moved = np.array([(point.at - best.at) / spans for point in points])
@@ -79,8 +81,8 @@ def _response(
     nearest = np.flatnonzero(near)[np.argsort(distance[near], kind="stable")][:_NEAREST]
     smooth = moved[nearest] @ slopes.T
     if not len(nearest):
-        return Response(slopes, 0.0, np.zeros(bench.trials))
+        return Response(slopes, 0.0, np.zeros(trial_set.n_trials))
     jumps = np.sum((changes[nearest] - smooth) ** 2, axis=1)
-    jumped, even = ([bench.of_trials(best.whitened + c) for c in by] for by in (changes[nearest], smooth))
+    jumped, even = ([trial_set.of_trials(best.whitened + c) for c in by] for by in (changes[nearest], smooth))
     luck = np.abs(np.array(jumped) - np.array(even))
     return Response(slopes, float(np.median(jumps)), np.median(luck, axis=0))

@@ -1,4 +1,4 @@
-"""The cause of a gap: all rivals fitted and judged, and the answer that their evidence allows."""
+"""The cause of a gap: all candidates fitted and judged, and the answer that their evidence allows."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.diagnose.fit.cache import Memory
-from gaitopt.diagnose.fit.fitting import Bench, Note, Point, bench, fit_all, predictions
+from gaitopt.diagnose.fit.cache import SimulationCache
+from gaitopt.diagnose.fit.fitting import Comparison, Note, TrialSet, build_trial_set, fit_all, predictions
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.pairs import fit_pairs
-from gaitopt.diagnose.fit.residual import view
+from gaitopt.diagnose.fit.residual import whiten_trial
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.judge import evidence, precision
-from gaitopt.diagnose.judge.covariance import Look
-from gaitopt.diagnose.judge.evidence import Gap, Rival
-from gaitopt.diagnose.judge.nuisances import nuisance_robots
-from gaitopt.diagnose.judge.precision import Drawn
+from gaitopt.diagnose.judge.covariance import Judgement
+from gaitopt.diagnose.judge.evidence import Candidate, Gap
+from gaitopt.diagnose.judge.precision import PerturbedRobots
+from gaitopt.diagnose.judge.small_errors import perturbed_robots
 from gaitopt.diagnose.judge.unevenness import UNEVEN, unevenness
 from gaitopt.simulation.rollout import Simulator
 
@@ -39,10 +39,10 @@ FAINT_GAP = 1.8
 """And one that leaves no more than this has none either, if no effect explains it."""
 
 LEFT = 2.0
-"""A rival that leaves more than this leaves a significant gap."""
+"""A candidate that leaves more than this leaves a significant gap."""
 
 _OTHER_HALF, _OTHER_SLOPE = 3.0, 3.0
-"""Something else is as likely as not where the best rival leaves so much; and how fast that changes."""
+"""Something else is as likely as not where the best candidate leaves so much; and how fast that changes."""
 
 SIGNIFICANCE = 0.02
 """An effect is blamed where chance alone lets one gain as much no more often than this."""
@@ -68,27 +68,27 @@ class Causes:
     """What may have caused the gap.
 
     Attributes:
-        bench: the trials.
+        trial_set: the trials.
         nominal: the trials beside the nominal robot.
-        none: the rival without effect.
-        rivals: the other rivals, the most probable first.
+        none: the candidate without effect.
+        candidates: the other candidates, the most probable first.
         chances: their probabilities, if the cause is in the library.
         verdict: the answer's kind.
         causes: the effects blamed.
         ambiguous_with: effects that the data cannot tell from these.
         other_probability: how likely the cause is not in the library, or not alone.
-        p_value: of the first rival against none.
+        p_value: of the first candidate against none.
         gap: on held-out data; None where nothing was fitted.
-        drawn: whitened changes with robots drawn about the first rival, shape (draws, rows).
+        perturbations: whitened changes with robots drawn about the first candidate, shape (draws, rows).
         uneven: by how much the recorded cycles differ, in differences of such robots' cycles.
         seed: seed of what is random.
         robots: robots simulated.
     """
 
-    bench: Bench
-    nominal: Point
-    none: Rival
-    rivals: tuple[Rival, ...]
+    trial_set: TrialSet
+    nominal: Comparison
+    none: Candidate
+    candidates: tuple[Candidate, ...]
     chances: NDArray[np.float64]
     verdict: str
     causes: list[str]
@@ -96,25 +96,25 @@ class Causes:
     other_probability: float
     p_value: float
     gap: Gap | None
-    drawn: NDArray[np.float64]
+    perturbations: NDArray[np.float64]
     uneven: float
     seed: int
     robots: int
 
     @property
-    def best(self) -> Rival | None:
-        """The most probable rival."""
-        return self.rivals[0] if self.rivals else None
+    def best(self) -> Candidate | None:
+        """The most probable candidate."""
+        return self.candidates[0] if self.candidates else None
 
     @cached_property
     def effects(self) -> list[dict[str, Any]]:
         """Rows of ``effects``: one for each effect, with its most probable target."""
         rows: dict[str, dict[str, Any]] = {}
-        for rival, chance in zip(self.rivals, self.chances.tolist(), strict=True):
-            for index, fit in enumerate(rival.fits):
+        for candidate, chance in zip(self.candidates, self.chances.tolist(), strict=True):
+            for index, fit in enumerate(candidate.fits):
                 name, target = fit.hypothesis.effect.name, fit.hypothesis.target
                 if name not in rows:
-                    rows[name] = self._row(rival, index)
+                    rows[name] = self._row(candidate, index)
                 rows[name]["probability"] += (1.0 - self.other_probability) * chance
                 targets = rows[name]["targets"]
                 targets[target] = targets.get(target, 0.0) + chance
@@ -124,14 +124,14 @@ class Causes:
         """Return the held-out gap of one trial, its floor given in m; None where nothing was fitted."""
         if self.gap is None or self.best is None:
             return None
-        return evidence.gap_of(self.bench, self.nominal, self.best, floor, self.seed, trial)
+        return evidence.gap_of(self.trial_set, self.nominal, self.best, floor, self.seed, trial)
 
-    def _row(self, rival: Rival, index: int) -> dict[str, Any]:
-        fit = rival.fits[index]
-        effect, at = fit.hypothesis.effect, rival.at[index]
-        ci90 = precision.intervals(rival, self.bench, self.drawn)[index]
+    def _row(self, candidate: Candidate, index: int) -> dict[str, Any]:
+        fit = candidate.fits[index]
+        effect, at = fit.hypothesis.effect, candidate.at[index]
+        ci90 = precision.intervals(candidate, self.trial_set, self.perturbations)[index]
         floor = self.gap.floor if self.gap else 0.0
-        gap = evidence.gap_of(self.bench, self.nominal, rival, floor, self.seed) if self.gap else None
+        gap = evidence.gap_of(self.trial_set, self.nominal, candidate, floor, self.seed) if self.gap else None
         return {
             "name": effect.name,
             "target": fit.hypothesis.target,
@@ -139,8 +139,8 @@ class Causes:
             "parameters": {effect.parameter: {"value": fit.hypothesis.value(at), "ci90": list(ci90)}},
             "unit": effect.unit,
             "heldout_shrinkage": gap.shrinkage if gap else None,
-            "heldout_left": evidence.left(self.bench, rival),
-            "alike": evidence.cosine(self.nominal, rival, self.rivals[0]),
+            "heldout_left": evidence.left(self.trial_set, candidate),
+            "alike": evidence.cosine(self.nominal, candidate, self.candidates[0]),
             "targets": {},
         }
 
@@ -151,19 +151,19 @@ def prepared(
     floors: Sequence[Floors],
     executor: Executor,
     seed: int,
-    memory: Memory | None = None,
-) -> tuple[Bench, Point, list[Point | None]]:
+    cache: SimulationCache | None = None,
+) -> tuple[TrialSet, Comparison, list[Comparison | None]]:
     """Return the trials ready for fitting, beside the nominal robot, and beside robots drawn about it."""
-    robots = nuisance_robots(simulator, seed)
+    robots = perturbed_robots(simulator, seed)
     records = [aligned.trial for aligned in trials]
     futures = [executor.submit(predictions, robot, records) for robot in robots]
     drawn = [future.result() for future in futures]
     views = [
-        view(aligned, floor, [row[i] for row in drawn])
+        whiten_trial(aligned, floor, [row[i] for row in drawn])
         for i, (aligned, floor) in enumerate(zip(trials, floors, strict=True))
     ]
     nominal = [aligned.simulated for aligned in trials]
-    ready = bench(simulator.problem, simulator, views, nominal, memory)
+    ready = build_trial_set(simulator.problem, simulator, views, nominal, cache)
     point = ready.point([0.0], nominal)
     if point is None:
         raise ValueError("the nominal prediction was checked when it was aligned")
@@ -178,10 +178,10 @@ def find_causes(
     executor: Executor,
     seed: int,
     note: Note,
-    rivals: Sequence[Hypothesis],
-    memory: Memory | None = None,
+    candidates: Sequence[Hypothesis],
+    cache: SimulationCache | None = None,
 ) -> Causes:
-    """Fit and judge every rival.
+    """Fit and judge every candidate.
 
     Args:
         simulator: the nominal robot.
@@ -191,47 +191,49 @@ def find_causes(
         executor: where robots are simulated.
         seed: seed of what is random.
         note: called as it goes.
-        rivals: what is to be tried.
-        memory: keeps what is simulated, and has what was; None to keep nothing.
+        candidates: what is to be tried.
+        cache: keeps what is simulated, and has what was; None to keep nothing.
 
     Raises:
         GaitoptError: no robot that is to be tried can be simulated.
     """
-    ready, nominal, about = prepared(simulator, trials, floors, executor, seed, memory)
-    look = Look(ready, nominal, ())
+    ready, nominal, about = prepared(simulator, trials, floors, executor, seed, cache)
+    look = Judgement(ready, nominal, ())
     uneven = unevenness(ready, floors, about)
     before = evidence.left(ready, look.none)
     if before <= NO_GAP and uneven <= UNEVEN:
         return _without_gap(look, uneven, seed)
-    look = replace(look, fits=tuple(fit_all(ready, rivals, nominal, executor, note)))
+    look = replace(look, fits=tuple(fit_all(ready, candidates, nominal, executor, note)))
     if not look.singles:
         raise GaitoptError("no effect can be tried: the simulation of every robot that has one fails")
-    wide, look = look, look.closer(executor, seed, note)
-    drawn = precision.drawn_about(look.bench, look.first, executor, seed)
-    uneven = unevenness(ready, floors, drawn.points)
+    wide, look = look, look.refine_covariance(executor, seed, note)
+    drawn = precision.perturbed_about(look.trial_set, look.first, executor, seed)
+    uneven = unevenness(ready, floors, drawn.comparisons)
     if _one_falls_short(look):
         # By the first covariance: effects that do not explain the gap must not teach what explains it.
         found = _of_two(wide, executor, seed, note)
-        if found and (uneven_two := unevenness(ready, floors, found[1].points)) <= UNEVEN:
+        if found and (uneven_two := unevenness(ready, floors, found[1].comparisons)) <= UNEVEN:
             look, drawn, uneven = *found, uneven_two
     return _concluded(look, drawn, uneven, floor_m, before <= FAINT_GAP, seed)
 
 
-def _one_falls_short(look: Look) -> bool:
+def _one_falls_short(look: Judgement) -> bool:
     """Whether the best single effect leaves more than a right one does, or would go on where its range ends.
 
     At its end it may do another effect's work besides its own, and the covariance learnt there hides that.
     """
-    best = min(look.singles, key=lambda rival: rival.evidence)
+    best = min(look.singles, key=lambda candidate: candidate.evidence)
     (fit,), (at,) = best.fits, best.at
-    return fit.hypothesis.at_bound(at) or evidence.left(look.bench, best) > _TRY_PAIRS
+    return fit.hypothesis.at_bound(at) or evidence.left(look.trial_set, best) > _TRY_PAIRS
 
 
-def _of_two(wide: Look, executor: Executor, seed: int, note: Note) -> tuple[Look, Drawn] | None:
-    """Return the rivals of two effects and robots drawn about the first, if two are needed and shown.
+def _of_two(
+    wide: Judgement, executor: Executor, seed: int, note: Note
+) -> tuple[Judgement, PerturbedRobots] | None:
+    """Return the candidates of two effects and robots drawn about the first, if two are needed and shown.
 
     Args:
-        wide: every rival of one effect.
+        wide: every candidate of one effect.
         executor: where robots are simulated.
         seed: seed of the draws.
         note: called as it goes.
@@ -239,33 +241,35 @@ def _of_two(wide: Look, executor: Executor, seed: int, note: Note) -> tuple[Look
     pairs = tuple(fit_pairs(wide.fits, wide.nominal, executor, note))
     if not pairs:
         return None
-    two = replace(wide, pairs=pairs).closer(executor, seed, note)
+    two = replace(wide, pairs=pairs).refine_covariance(executor, seed, note)
     if not _needed(two):
         return None
-    drawn = precision.drawn_about(two.bench, two.first, executor, seed)
+    drawn = precision.perturbed_about(two.trial_set, two.first, executor, seed)
     return (two, drawn) if _shown(two, drawn) else None
 
 
-def _without_gap(look: Look, uneven: float, seed: int) -> Causes:
-    nothing = np.empty((0, len(look.bench.blocks)))
+def _without_gap(look: Judgement, uneven: float, seed: int) -> Causes:
+    nothing = np.empty((0, len(look.trial_set.blocks)))
     return Causes(
-        look.bench, look.nominal, look.none, (), np.empty(0), "no_gap", [], [], 0.0, 1.0, None, nothing,
+        look.trial_set, look.nominal, look.none, (), np.empty(0), "no_gap", [], [], 0.0, 1.0, None, nothing,
         uneven, seed, 0,
     )  # fmt: skip
 
 
-def _concluded(look: Look, drawn: Drawn, uneven: float, floor_m: float, faint: bool, seed: int) -> Causes:
+def _concluded(
+    look: Judgement, drawn: PerturbedRobots, uneven: float, floor_m: float, faint: bool, seed: int
+) -> Causes:
     """Return the answer that the evidence allows.
 
     Args:
-        look: the rivals.
+        look: the candidates.
         drawn: robots drawn about the first of them.
         uneven: by how much the recorded cycles differ, in differences of these.
         floor_m: the marker's floor over all trials, m.
         faint: whether there is no gap to speak of, if no effect explains it.
         seed: seed of what is random.
     """
-    ready, none, first, (order, chances) = look.bench, look.none, look.first, look.ranked
+    ready, none, first, (order, chances) = look.trial_set, look.none, look.first, look.ranked
     chance_alone = evidence.p_value(ready, look.nominal, look.singles, none.evidence - first.evidence, seed)
     gap = evidence.gap_of(ready, look.nominal, first, floor_m, seed)
     remains = evidence.left(ready, first)
@@ -274,22 +278,22 @@ def _concluded(look: Look, drawn: Drawn, uneven: float, floor_m: float, faint: b
     if chance_alone > SIGNIFICANCE or not _shown(look, drawn):
         verdict, causes, rest = "no_gap" if faint and uneven <= UNEVEN else "unexplained", [], []
     elif remains > LEFT or uneven > UNEVEN:
-        explained = 1.0 - float(np.sqrt(first.held_out.sum() / none.held_out.sum()))
+        explained = 1.0 - float(np.sqrt(first.heldout_loss.sum() / none.heldout_loss.sum()))
         verdict = "partly_explained"
         if explained < _LITTLE:
             verdict, causes, rest = "unexplained", [], []
     else:
         verdict = "ambiguous" if rest else "explained"
-    robots = sum(len(fit.points) for fit in look.fits)
+    robots = sum(len(fit.comparisons) for fit in look.fits)
     return Causes(
         ready, look.nominal, none, tuple(order), chances, verdict, causes, rest, other, chance_alone, gap,
         drawn.changes, uneven, seed, robots,
     )  # fmt: skip
 
 
-def _shown(look: Look, drawn: Drawn) -> bool:
-    """Whether the first rival has no parameter that may as well be neutral."""
-    return precision.excludes_none(look.first, look.bench, drawn.changes)
+def _shown(look: Judgement, drawn: PerturbedRobots) -> bool:
+    """Whether the first candidate has no parameter that may as well be neutral."""
+    return precision.excludes_none(look.first, look.trial_set, drawn.changes)
 
 
 def _other(share: float) -> float:
@@ -297,31 +301,34 @@ def _other(share: float) -> float:
     return 1.0 / (1.0 + math.exp(-_OTHER_SLOPE * math.log(max(share, 1e-9))))
 
 
-def _needed(look: Look) -> bool:
+def _needed(look: Judgement) -> bool:
     """Whether two effects foretell enough more than one, and fit as much better.
 
     Where a response jumps, one effect may foretell a gait badly that it fits well; a second one does not mend
     that.
     """
-    one, both = (min(rivals, key=lambda rival: rival.evidence) for rivals in (look.singles, look.doubles))
-    foretold = float(both.held_out.sum()) < _PAIR_GAIN * float(one.held_out.sum())
+    one, both = (
+        min(candidates, key=lambda candidate: candidate.evidence)
+        for candidates in (look.singles, look.doubles)
+    )
+    foretold = float(both.heldout_loss.sum()) < _PAIR_GAIN * float(one.heldout_loss.sum())
     fitted = float(both.seen.sum()) < _PAIR_GAIN * float(one.seen.sum())
-    return foretold and fitted and evidence.better_by(look.bench, both, one) > _PAIR_ERRORS
+    return foretold and fitted and evidence.better_by(look.trial_set, both, one) > _PAIR_ERRORS
 
 
-def _named(look: Look) -> tuple[list[str], list[str]]:
+def _named(look: Judgement) -> tuple[list[str], list[str]]:
     """Return the effects blamed, and those that cannot be told from them; none that is as good as idle."""
-    rivals, chances = look.ranked
+    candidates, chances = look.ranked
     if not look.pairs:
-        weights = evidence.scores(look.bench, [*rivals, look.none])
+        weights = evidence.scores(look.trial_set, [*candidates, look.none])
         idle = _ABOVE_NONE * float(chances[0] * np.exp(weights[-1] - weights.max()))
-        totals = evidence.by_effect(rivals, chances)
+        totals = evidence.by_effect(candidates, chances)
         names = evidence.answer_set(totals)
         return names[:1], [name for name in names[1:] if totals[name] >= idle]
-    first = rivals[0].names
+    first = candidates[0].names
     kept = dict.fromkeys(first, 0.0)
-    for rival, chance in zip(rivals, chances.tolist(), strict=True):
+    for candidate, chance in zip(candidates, chances.tolist(), strict=True):
         if chance >= evidence.IN_SET * float(chances[0]):
-            for name in rival.names:
+            for name in candidate.names:
                 kept[name] = kept.get(name, 0.0) + chance
     return list(first), [name for name in kept if name not in first]

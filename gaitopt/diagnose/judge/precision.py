@@ -1,8 +1,8 @@
 """How well a parameter is known: by what nobody knows of the robot, and by what the trials say.
 
-Robots are drawn about a rival, with other start poses, masses, hinges and numerics. Had one of them been
-filmed in place of the rival, the fit would have ended elsewhere: how far it goes is one part of a parameter's
-error. The covariance may have learnt from the same robots; what still moves the fit it could not overlook.
+A candidate's robot is perturbed: other start poses, masses, hinges and numerics. Had one of these robots
+been measured in its place, the fit would have ended elsewhere. How far it moves is one part of a parameter's
+error. The covariance may be estimated from the same robots; what still moves the fit it cannot explain.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from scipy import stats
 
 from gaitopt.core.streams import Stream
 from gaitopt.diagnose.fit import response
-from gaitopt.diagnose.fit.fitting import Bench, Fit, Point, film
+from gaitopt.diagnose.fit.fitting import Comparison, Fit, TrialSet, compare_robot
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.pairs import PairFit
 from gaitopt.diagnose.fit.response import Response
-from gaitopt.diagnose.judge.evidence import TEMPER, Rival
-from gaitopt.diagnose.judge.nuisances import nuisance_robots
+from gaitopt.diagnose.judge.evidence import TEMPER, Candidate
+from gaitopt.diagnose.judge.small_errors import perturbed_robots
 from gaitopt.simulation.rollout import Simulator
 
 Array = NDArray[np.float64]
@@ -38,63 +38,66 @@ _JUMPED = 0.5
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """Robots drawn about a rival, those left out that the simulator could not finish.
+class PerturbedRobots:
+    """Robots drawn about a candidate, those left out that the simulator could not finish.
 
     Attributes:
         points: the trials beside each.
         changes: how each changes the whitened residual, shape (draws, rows).
     """
 
-    points: tuple[Point, ...]
+    comparisons: tuple[Comparison, ...]
     changes: Array
 
 
-def drawn_about(bench: Bench, rival: Rival, executor: Executor, seed: int) -> Drawn:
-    """Return robots drawn about a rival.
+def perturbed_about(
+    trial_set: TrialSet, candidate: Candidate, executor: Executor, seed: int
+) -> PerturbedRobots:
+    """Return robots drawn about a candidate.
 
     Args:
-        bench: the trials.
-        rival: the rival.
+        trial_set: the trials.
+        candidate: the candidate.
         executor: where robots are simulated.
         seed: seed of the draws.
     """
-    problem = bench.problem.with_effects(rival.settings)
-    simulator = Simulator.build(problem, fidelity=bench.simulator.fidelity)
-    robots = [simulator, *nuisance_robots(simulator, seed, _DRAWS, Stream.PRECISION_ROBOTS)]
+    problem = trial_set.problem.with_effects(candidate.effect_values)
+    simulator = Simulator.build(problem, fidelity=trial_set.simulator.fidelity)
+    robots = [simulator, *perturbed_robots(simulator, seed, _DRAWS, Stream.PRECISION_ROBOTS)]
     futures = [
-        executor.submit(film, bench, robot, f"drawn {index}: {rival.settings!r}")
+        executor.submit(compare_robot, trial_set, robot, f"drawn {index}: {candidate.effect_values!r}")
         for index, robot in enumerate(robots)
     ]
     centre, *others = [future.result() for future in futures]
     points = tuple(point for point in others if point is not None and centre is not None)
     changes = [point.whitened - centre.whitened for point in points if centre is not None]
-    return Drawn(points, np.array(changes).reshape(len(changes), len(bench.blocks)))
+    return PerturbedRobots(points, np.array(changes).reshape(len(changes), len(trial_set.blocks)))
 
 
-def intervals(rival: Rival, bench: Bench, drawn: Array) -> list[tuple[float, float]]:
+def intervals(candidate: Candidate, trial_set: TrialSet, drawn: Array) -> list[tuple[float, float]]:
     """Return a 90 % interval of each parameter, in its unit.
 
     Its half-width is what drawn robots shift the fit by, by Student's t, and what the tempered likelihood
     allows, added in quadrature.
 
     Args:
-        rival: the rival.
-        bench: the trials.
-        drawn: changes of the whitened residual with robots drawn about the first rival, shape (draws, rows).
+        candidate: the candidate.
+        trial_set: the trials.
+        drawn: changes of the whitened residual with robots perturbed about the first candidate, shape
+            (draws, rows).
     """
     rows = drawn.shape[1]
     usual = max(1.0, float(np.sum(drawn**2)) / max(drawn.size, 1))
-    unit = TEMPER * max(1.0, float(rival.seen.sum()) / rows / usual)
+    unit = TEMPER * max(1.0, float(candidate.seen.sum()) / rows / usual)
     both = np.concatenate([drawn, -drawn])  # an error is as likely as its opposite
-    if rival.pair is not None:
-        return _pair_intervals(rival.pair, rival.at, both, unit)
-    return [_interval(fit, both, unit) for fit in rival.fits]
+    if candidate.pair is not None:
+        return _pair_intervals(candidate.pair, candidate.at, both, unit)
+    return [_interval(fit, both, unit) for fit in candidate.fits]
 
 
-def excludes_none(rival: Rival, bench: Bench, drawn: Array) -> bool:
+def excludes_none(candidate: Candidate, trial_set: TrialSet, drawn: Array) -> bool:
     """Whether no parameter's interval reaches the value at which its effect does nothing."""
-    found = zip(rival.fits, intervals(rival, bench, drawn), strict=True)
+    found = zip(candidate.fits, intervals(candidate, trial_set, drawn), strict=True)
     neutral = [(fit.hypothesis.value(fit.hypothesis.neutral), ends) for fit, ends in found]
     return not any(low <= value <= high for value, (low, high) in neutral)
 

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.fit.fitting import Bench, Point
-from gaitopt.diagnose.fit.residual import View, by_signal
+from gaitopt.diagnose.fit.fitting import Comparison, TrialSet
+from gaitopt.diagnose.fit.residual import WhitenedTrial, by_signal
 from gaitopt.diagnose.gap.floor import Floors, cycle_spread
 
 UNEVEN = 4.0
@@ -24,11 +24,11 @@ _NOISE = 0.3
 """Share of the measurement's noise by which its estimate may be off."""
 
 
-def unevenness(bench: Bench, floors: Sequence[Floors], points: Sequence[Point | None]) -> float:
+def unevenness(trial_set: TrialSet, floors: Sequence[Floors], points: Sequence[Comparison | None]) -> float:
     """Return by how much the recorded cycles differ, in simulated differences; the largest of all signals.
 
     Args:
-        bench: the trials.
+        trial_set: the trials.
         floors: floor of each signal of each: what is recorded.
         points: the trials beside robots of the sort that is to be judged; 0 is returned for none.
     """
@@ -36,20 +36,20 @@ def unevenness(bench: Bench, floors: Sequence[Floors], points: Sequence[Point | 
     if not known:
         return 0.0
     ratios = []
-    samples = [by_signal(bench.views, point.apart, point.angles) for point in known]
-    for index, one in enumerate(bench.views):
+    samples = [by_signal(trial_set.trials, point.marker, point.angles) for point in known]
+    for index, one in enumerate(trial_set.trials):
         for name, floor in floors[index].items():
-            spreads = [_spread(bench, one, name, parts[index][name]) for parts in samples]
+            spreads = [_spread(trial_set, one, name, parts[index][name]) for parts in samples]
             recorded = max(0.0, floor.spread**2 - floor.noise**2)
             ratios.append(recorded / (np.mean(np.square(spreads)) + (_NOISE * floor.noise) ** 2 + 1e-12))
     return float(np.sqrt(max(ratios)))
 
 
-def _spread(bench: Bench, one: View, name: str, residual: NDArray[np.float64]) -> float:
+def _spread(trial_set: TrialSet, one: WhitenedTrial, name: str, residual: NDArray[np.float64]) -> float:
     """Return how much the cycles of a predicted signal differ, m or rad."""
     trial = one.aligned.trial
     predicted = np.full(len(trial.time), np.nan)
     predicted[trial.used[name]] = trial.signals[name][trial.used[name]] - residual
     stand_in = replace(trial, signals={**trial.signals, name: predicted})
-    transient = bench.problem.simulation.horizon.cycles(trial.period)[0] * trial.period
+    transient = trial_set.problem.simulation.horizon.cycles(trial.period)[0] * trial.period
     return cycle_spread(replace(one.aligned, trial=stand_in), name, transient)

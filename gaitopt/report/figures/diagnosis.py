@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gaitopt.diagnose.diagnosis import Diagnosis, TrialGap
-from gaitopt.diagnose.fit.fitting import Bench
+from gaitopt.diagnose.fit.fitting import TrialSet
 from gaitopt.diagnose.gap.align import Aligned, is_marker
 from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.where import COMPONENTS
@@ -98,16 +98,16 @@ def components(diagnosis: Diagnosis) -> Figure:
 
 
 def ranking(found: Causes) -> Figure:
-    """Draw what the best rivals leave of the held-out trials, and nothing at all beside them."""
-    firsts: dict[str, float] = {"no effect": float(found.none.held_out.sum())}
+    """Draw what the best candidates leave of the held-out trials, and nothing at all beside them."""
+    firsts: dict[str, float] = {"no effect": float(found.none.heldout_loss.sum())}
     errors = {"no effect": 0.0}
-    best = found.rivals[0]
-    for rival in found.rivals:
-        if rival.label not in firsts and len(firsts) < 13:
-            apart = rival.held_out - best.held_out
-            firsts[rival.label] = float(rival.held_out.sum())
-            errors[rival.label] = float(np.sqrt(len(apart)) * apart.std())
-    rows = float(found.bench.rows_of_blocks.sum())
+    best = found.candidates[0]
+    for candidate in found.candidates:
+        if candidate.label not in firsts and len(firsts) < 13:
+            apart = candidate.heldout_loss - best.heldout_loss
+            firsts[candidate.label] = float(candidate.heldout_loss.sum())
+            errors[candidate.label] = float(np.sqrt(len(apart)) * apart.std())
+    rows = float(found.trial_set.rows_per_block.sum())
     names = sorted(firsts, key=lambda name: firsts[name])
     figure = Figure(figsize=(_WIDTH, 0.3 * len(names) + 1.2), layout="constrained")
     axes = figure.subplots()
@@ -130,16 +130,16 @@ def ranking(found: Causes) -> Figure:
 
 def profile(found: Causes) -> Figure:
     """Draw the loss along each parameter of the winner, and the sets simulated."""
-    best = found.rivals[0]
+    best = found.candidates[0]
     figure = Figure(figsize=(_WIDTH, 0.3 + 2.7 * len(best.fits)), layout="constrained")
     grid = figure.subplots(len(best.fits), 1, squeeze=False)[:, 0]
-    rows = float(found.bench.rows_of_blocks.sum())
-    ends = intervals(best, found.bench, found.drawn)
+    rows = float(found.trial_set.rows_per_block.sum())
+    ends = intervals(best, found.trial_set, found.perturbations)
     for axes, fit, at, (low, high) in zip(grid, best.fits, best.at, ends, strict=True):
         h, curve = fit.hypothesis, fit.curve
         values = [h.value(c) for c in curve.at.tolist()]
         axes.plot(values, curve.losses.sum(axis=0) / rows, color=BEST_COLOUR, label="interpolated")
-        known = [(h.value(float(p.at[0])), float(p.whitened @ p.whitened) / rows) for p in fit.points]
+        known = [(h.value(float(p.at[0])), float(p.whitened @ p.whitened) / rows) for p in fit.comparisons]
         axes.plot(*zip(*known, strict=True), "o", color=COLOURS[0], ms=4, label="simulated")
         axes.axvline(h.value(at), color="k", lw=1.0, ls="--", label="fitted")
         axes.set_yscale("log")
@@ -154,32 +154,32 @@ def profile(found: Causes) -> Figure:
 
 def held_out(diagnosis: Diagnosis, found: Causes) -> Figure:
     """Draw the marker's RMS error in each trial, before and after, on data that the fit did not see."""
-    best, bench = found.rivals[0], found.bench
-    trials = np.unique(bench.sample_trials).tolist()
+    best, trial_set = found.candidates[0], found.trial_set
+    trials = np.unique(trial_set.sample_trials).tolist()
     figure = Figure(figsize=(_WIDTH, 1.2 + 0.62 * len(trials)), layout="constrained")
     axes = figure.subplots()
     places = np.arange(len(trials))[::-1]
     looks = (
-        (found.nominal.apart, 0.2, "0.6", "", "nominal"),
-        (best.apart, -0.2, BEST_COLOUR, "//", f"with {best.label}"),
+        (found.nominal.marker, 0.2, "0.6", "", "nominal"),
+        (best.marker, -0.2, BEST_COLOUR, "//", f"with {best.label}"),
     )
     for apart, shift, colour, hatch, label in looks:
-        left = [_rms_of(bench, apart, trial) for trial in trials]
+        left = [_rms_of(trial_set, apart, trial) for trial in trials]
         axes.barh(
             places + shift, left, height=0.36, color=colour, hatch=hatch, edgecolor="white", label=label
         )
     floors = [1e3 * marker_floor(diagnosis.trials[trial].floors) for trial in trials]
     axes.plot(floors, places, "k|", ms=22, mew=1.6, label="the floor")
-    axes.set_yticks(places, [bench.views[trial].aligned.trial.name for trial in trials])
+    axes.set_yticks(places, [trial_set.trials[trial].aligned.trial.name for trial in trials])
     finish(axes, "RMS error of the marker, held out [mm]", "", legend=False)
     legend_below(figure, axes, 3)
     return figure
 
 
-def _rms_of(bench: Bench, apart: NDArray[np.float64], trial: int) -> float:
+def _rms_of(trial_set: TrialSet, apart: NDArray[np.float64], trial: int) -> float:
     """Return the RMS distance of measured and simulated marker in one trial, mm."""
-    axes = sum(is_marker(name) for name in bench.views[trial].rows)
-    own = apart[bench.sample_trials == trial]
+    axes = sum(is_marker(name) for name in trial_set.trials[trial].rows)
+    own = apart[trial_set.sample_trials == trial]
     return float(1e3 * np.sqrt(axes * np.mean(own**2)))
 
 

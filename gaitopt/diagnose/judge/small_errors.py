@@ -21,7 +21,7 @@ HINGE_ERROR = 0.05
 """Relative standard deviation of one hinge's stiffness about the others'."""
 
 
-def nuisance_robots(
+def perturbed_robots(
     simulator: Simulator, seed: int, count: int = DRAWS, stream: int = Stream.SMALL_ERRORS
 ) -> list[Simulator]:
     """Return robots with other start poses, masses, hinges and numerics.
