@@ -36,7 +36,8 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import load_dataset
-from gaitopt.export.formats import FORMATS, export_files
+from gaitopt.export.files import export_files
+from gaitopt.export.formats import FORMATS
 from gaitopt.export.replay import Replay
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.gait.table import GaitTable, read_table
@@ -496,7 +497,7 @@ def table_text(gait: Gait, name: str) -> str:
     """Return the file of a format that holds the table."""
     table = table_of(gait)
     unset: dict[str, list[str]] = {key: [] for key in table.servos}
-    files = export_files(name, table, Replay(1.0, 1.0, 0.0, (0.0, 0.0), {}), [], unset)
+    files = export_files(FORMATS[name], table, Replay(1.0, 1.0, 0.0, (0.0, 0.0), {}), [], unset)
     return files[FORMATS[name].table_file]
 
 

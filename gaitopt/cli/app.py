@@ -15,6 +15,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.interrupts import interrupts_between_imports
 
 if TYPE_CHECKING:
+    from gaitopt.export.handover import Exported
     from gaitopt.gait.gait import Gait
     from gaitopt.problem.problem import Problem
 
@@ -329,9 +330,11 @@ def _add_import_options(sub: argparse.ArgumentParser) -> None:
 
 
 def _add_export_options(sub: argparse.ArgumentParser) -> None:
+    from gaitopt.export.formats import FORMATS
+
     sub.add_argument("gait", metavar="GAIT", help="baseline, gait file, exported table or run folder")
     sub.add_argument(
-        "--format", required=True, choices=("c", "arduino", "esp-idf", "micropython", "csv", "json"),
+        "--format", required=True, choices=FORMATS,
         help="what to write",
     )  # fmt: skip
     sub.add_argument("--out", type=Path, metavar="DIR", required=True, help="a new or an empty folder")
@@ -924,7 +927,7 @@ def _positive(option: str, value: float | None) -> float | None:
 
 
 def _export(options: argparse.Namespace) -> None:
-    from gaitopt.export.handover import Choices, check_folder, prepare, write_folder
+    from gaitopt.export.handover import Choices, check_folder, prepare
     from gaitopt.optimise.executors import open_executor
     from gaitopt.runs.results import to_json
 
@@ -934,11 +937,11 @@ def _export(options: argparse.Namespace) -> None:
     choices = Choices(options.format, options.clip, options.slew, options.led_pin, options.samples)
     with open_executor("threads", options.workers) as executor:
         handover = prepare(problem, gait, choices, executor)
-    answer = handover.to_dict(write_folder(options.out, handover.files))
+    exported = handover.write(options.out)
     if options.json:
-        print(to_json(answer), end="")
+        print(to_json(exported.to_dict()), end="")
     else:
-        _print_export(answer)
+        _print_export(exported)
 
 
 def _completion(options: argparse.Namespace) -> None:
@@ -992,20 +995,21 @@ def _print_summary(summary: dict[str, Any]) -> None:
     print_table(["gait", "period [s]", "speed [mm/s]", "90 % interval", "constraints"], rows)
 
 
-def _print_export(answer: dict[str, Any]) -> None:
-    for name, values in answer["from_datasheet"].items():
+def _print_export(exported: Exported) -> None:
+    for name, values in exported.from_datasheet.items():
         if values:
             print(f"{name}: from the datasheet, not measured: {', '.join(values)}")
-    for name, lag in answer["lags"].items():
-        print(f"{name}: the servo falls up to {lag['angle_deg']:.3g}° and {lag['time_s']:.2g} s behind")
-    ideal, replayed = (1e3 * answer[f"{key}_speed_m_s"] for key in ("ideal", "replayed"))
+    for lag in exported.lags:
+        print(f"{lag.channel}: the servo falls up to {lag.angle_deg:.3g}° and {lag.time_s:.2g} s behind")
+    replay = exported.replay
+    ideal, replayed = 1e3 * replay.ideal_m_s, 1e3 * replay.replayed_m_s
     print(f"simulated: {ideal:.2f} mm/s as a gait, {replayed:.2f} mm/s as the servos will get it", end="")
-    if answer["loss"] is None:
+    if replay.loss is None or replay.loss_ci90 is None:
         print()
     else:
-        low, high = answer["loss_ci90"]
-        print(f": a loss of {answer['loss']:.1%} (90 % interval {low:.1%} to {high:.1%})")
-    for warning in answer["warnings"]:
+        low, high = replay.loss_ci90
+        print(f": a loss of {replay.loss:.1%} (90 % interval {low:.1%} to {high:.1%})")
+    for warning in exported.warnings:
         print(f"warning: {warning}")
-    for file in answer["files"]:
+    for file in exported.files:
         print(file)

@@ -5,27 +5,27 @@ from __future__ import annotations
 import math
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from gaitopt.core.errors import GaitoptError, bad_value
-from gaitopt.export.formats import FORMATS, export_files
-from gaitopt.export.limits import Lag, check_wiring, clipped, lags, refuse_outside
+from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
+from gaitopt.export.files import export_files
+from gaitopt.export.format import Format
+from gaitopt.export.formats import FORMATS
+from gaitopt.export.gait_player import MAX_SERVOS
+from gaitopt.export.limits import Lag, check_wiring, clipped, lags, pin_warnings, refuse_outside
 from gaitopt.export.replay import Replay, replay
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.table import SAMPLES, GaitTable
 from gaitopt.problem.model import start_targets
 from gaitopt.problem.problem import Problem
 
-_MAX_SERVOS = 16
 _MAX_PERIOD_S = 4294.0
-_FLASH_PINS = range(6, 12)
-_INPUT_PINS = range(34, 40)
+"""Longest period that a clock of 32 bits counts in microseconds."""
 
 
 @dataclass(frozen=True)
@@ -48,54 +48,106 @@ class Choices:
 
 
 @dataclass(frozen=True)
-class Handover:
-    """An export, checked and ready to be written."""
+class Exported:
+    """The answer of `gaitopt export`.
 
-    table: GaitTable
+    Attributes:
+        format: name of the format.
+        hash: of everything that moves a servo.
+        replay: how the table did in simulation.
+        lags: servos that fall behind their commands.
+        warnings: what the user should know.
+        from_datasheet: per channel, the values of its calibration that nobody set.
+        files: the files written.
+    """
+
     format: str
+    hash: str
     replay: Replay
-    lags: list[Lag]
-    warnings: list[str]
-    from_datasheet: dict[str, list[str]]
+    lags: tuple[Lag, ...]
+    warnings: tuple[str, ...]
+    from_datasheet: Mapping[str, Sequence[str]]
+    files: tuple[Path, ...]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the answer as it is printed with ``--json``."""
+        return {
+            "format": self.format,
+            "hash": self.hash,
+            "ideal_speed_m_s": self.replay.ideal_m_s,
+            "replayed_speed_m_s": self.replay.replayed_m_s,
+            "loss": self.replay.loss,
+            "loss_ci90": self.replay.loss_ci90,
+            "loss_by_cause": dict(self.replay.causes),
+            "lags": {lag.channel: {"angle_deg": lag.angle_deg, "time_s": lag.time_s} for lag in self.lags},
+            "warnings": list(self.warnings),
+            "from_datasheet": {name: list(keys) for name, keys in self.from_datasheet.items()},
+            "files": [str(file) for file in self.files],
+        }
+
+
+@dataclass(frozen=True)
+class Handover:
+    """An export, checked and ready to be written.
+
+    Attributes:
+        format: the output format.
+        table: the gait as pulses.
+        replay: how the table did in simulation.
+        lags: servos that fall behind their commands.
+        warnings: what the user should know.
+        from_datasheet: per channel, the values of its calibration that nobody set.
+    """
+
+    format: Format
+    table: GaitTable
+    replay: Replay
+    lags: tuple[Lag, ...]
+    warnings: tuple[str, ...]
+    from_datasheet: Mapping[str, Sequence[str]]
 
     @property
     def files(self) -> dict[str, str]:
         """The text of every file by its path."""
         return export_files(self.format, self.table, self.replay, self.warnings, self.from_datasheet)
 
-    def to_dict(self, files: Iterable[Path]) -> dict[str, Any]:
-        """Return the answer of `gaitopt export`."""
-        return {
-            "format": self.format,
-            "hash": self.table.hash,
-            "ideal_speed_m_s": self.replay.ideal_m_s,
-            "replayed_speed_m_s": self.replay.replayed_m_s,
-            "loss": self.replay.loss,
-            "loss_ci90": self.replay.loss_ci90,
-            "loss_by_cause": self.replay.causes,
-            "lags": {lag.channel: {"angle_deg": lag.angle_deg, "time_s": lag.time_s} for lag in self.lags},
-            "warnings": self.warnings,
-            "from_datasheet": self.from_datasheet,
-            "files": [str(file) for file in files],
-        }
+    def write(self, folder: Path) -> Exported:
+        """Write the files into a new or empty folder, all of them or none.
+
+        Raises:
+            GaitoptError: the folder holds something already, or cannot be written.
+        """
+        written = tuple(write_folder(folder, self.files))
+        return Exported(
+            self.format.name,
+            self.table.hash,
+            self.replay,
+            self.lags,
+            self.warnings,
+            self.from_datasheet,
+            written,
+        )
 
 
 def prepare(problem: Problem, gait: Gait, choices: Choices, executor: Executor) -> Handover:
     """Return the export of a gait, played in simulation as the servos will get it.
 
     Raises:
-        GaitoptError: the gait leaves a servo's range, a pin is missing or used twice, or the model does
-            not fit the problem.
+        GaitoptError: there is no such format, the gait leaves a servo's range, a pin is missing or used
+            twice, or the model does not fit the problem.
     """
+    if choices.format not in FORMATS:
+        raise unknown_name("export", "format", choices.format, FORMATS)
+    format = FORMATS[choices.format]
     if not 4 <= choices.samples <= 1024:
         raise GaitoptError(f"--samples: found {choices.samples}; allowed: 4 to 1024")
-    if len(gait.channels) > _MAX_SERVOS or gait.period_s > _MAX_PERIOD_S:
+    if len(gait.channels) > MAX_SERVOS or gait.period_s > _MAX_PERIOD_S:
         raise GaitoptError(
             f"found {len(gait.channels)} servos and a period of {gait.period_s:g} s; "
-            f"allowed: at most {_MAX_SERVOS} and {_MAX_PERIOD_S:g} s"
+            f"allowed: at most {MAX_SERVOS} and {_MAX_PERIOD_S:g} s"
         )
-    check_wiring(problem, FORMATS[choices.format].drives_pins, choices.led_pin)
-    warnings = _pin_warnings(problem, choices.led_pin)
+    check_wiring(problem, format, choices.led_pin)
+    warnings = pin_warnings(problem, format, choices.led_pin)
     if choices.clip:
         gait, changes = clipped(problem, gait)
         warnings += changes
@@ -106,7 +158,7 @@ def prepare(problem: Problem, gait: Gait, choices: Choices, executor: Executor) 
         warnings.append(played.warning)
     calibrations = {name: channel.servo for name, channel in problem.file.channels.items()}
     unset = {name: servo.from_datasheet for name, servo in calibrations.items()}
-    return Handover(table, choices.format, played, lags(problem, gait), warnings, unset)
+    return Handover(format, table, played, tuple(lags(problem, gait)), tuple(warnings), unset)
 
 
 def _table(problem: Problem, gait: Gait, choices: Choices) -> GaitTable:
@@ -132,17 +184,6 @@ def _slew_deg_s(text: str) -> float | None:
     if not (math.isfinite(value) and value > 0.0):
         raise bad_value("--slew", "speed", text, "off, servo, or degrees per second", ("off", "servo"))
     return value
-
-
-def _pin_warnings(problem: Problem, led_pin: int | None) -> list[str]:
-    pins = {name: channel.servo.pin for name, channel in problem.file.channels.items()} | {"LED": led_pin}
-    warnings = []
-    for name, pin in pins.items():
-        if pin in _FLASH_PINS:
-            warnings.append(f"{name}: GPIO{pin} belongs to the flash of a classic ESP32")
-        elif pin in _INPUT_PINS:
-            warnings.append(f"{name}: GPIO{pin} of a classic ESP32 is an input only")
-    return warnings
 
 
 def check_folder(path: Path) -> None:

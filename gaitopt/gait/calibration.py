@@ -15,6 +15,11 @@ from pydantic import (
 )
 
 _LONGEST_US = 65535
+"""Longest pulse that a table holds, µs."""
+
+_LAST_PIN = 32767
+"""Largest GPIO number that a table holds; which pins there are is the export board's to say."""
+
 _Pulse = Annotated[int, Field(ge=1, le=_LONGEST_US)]
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -37,7 +42,7 @@ class Calibration(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    pin: Annotated[int, Field(ge=0, le=54)] | None = None
+    pin: Annotated[int, Field(ge=0, le=_LAST_PIN)] | None = None
     neutral_us: _Finite = 1500.0
     min_us: _Pulse = 500
     max_us: _Pulse = 2500

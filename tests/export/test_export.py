@@ -11,44 +11,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
-from helpers import STRIDER, edited, problem_folder, still
+from helpers import STRIDER, edited, still
 
 from gaitopt.cli.app import main
 from gaitopt.core.errors import GaitoptError
-from gaitopt.export.formats import FORMATS, comment, export_files
+from gaitopt.export.files import comment, export_files
+from gaitopt.export.formats import FORMATS
 from gaitopt.export.handover import Choices, Handover, check_folder, prepare, write_folder
 from gaitopt.export.limits import lags
-from gaitopt.export.replay import Replay, command_stages, duty_us, sent_pulses
+from gaitopt.export.replay import Replay
+from gaitopt.export.stages import command_stages, duty_us, sent_pulses
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.gait.table import GaitTable, read_table
-from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.problem.model import start_targets
 from gaitopt.problem.problem import Problem, load_problem
 
 UNHURT = Replay(1.0, 1.0, 0.0, (0.0, 0.0), {})
-
-
-@pytest.fixture
-def wired_folder(tmp_path: Path) -> Path:
-    """The strider with pins."""
-
-    def wire(content: dict) -> None:
-        for pin, channel in enumerate(content["channels"].values(), start=4):
-            channel["servo"] = {"pin": pin}
-
-    return problem_folder(tmp_path / "wired", STRIDER, wire)
-
-
-@pytest.fixture
-def wired(wired_folder: Path) -> Problem:
-    """The strider with pins."""
-    return load_problem(wired_folder)
-
-
-@pytest.fixture
-def serial() -> Executor:
-    """An executor that needs no threads."""
-    return SerialExecutor()
 
 
 def table_of(problem: Problem, gait: Gait, slew: int = 0, samples: int = 64) -> GaitTable:
@@ -324,7 +302,8 @@ def hostile(wired_folder: Path, name: str) -> Problem:
 def test_a_name_stays_a_name(wired_folder: Path, tmp_path: Path, name: str) -> None:
     problem = hostile(wired_folder, name)
     table = table_of(problem, problem.baselines["stride"])
-    texts = {form: export_files(form, table, UNHURT, [], {name: [], "front": []}) for form in FORMATS}
+    unset: dict[str, list[str]] = {name: [], "front": []}
+    texts = {form: export_files(FORMATS[form], table, UNHURT, [], unset) for form in FORMATS}
     program = ast.parse(texts["micropython"]["gait_table.py"])
     assert {type(statement) for statement in program.body} == {ast.Assign}
     assert comment(name)[1:-1] in texts["c"]["README.md"]

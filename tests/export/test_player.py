@@ -18,9 +18,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gaitopt.export.gait_player as gait_player
-from gaitopt.export.formats import FORMATS, export_files
+from gaitopt.export.files import export_files
+from gaitopt.export.formats import FORMATS
 from gaitopt.export.gait_player import HOLDING, OFF, RAMP_US, STAGGER_US, WALKING, Player
-from gaitopt.export.replay import Replay, player_of, sent_pulses
+from gaitopt.export.replay import Replay
+from gaitopt.export.stages import player_of, sent_pulses
 from gaitopt.gait.table import GaitTable
 from gaitopt.problem.problem import load_problem
 
@@ -103,7 +105,7 @@ def script() -> Script:
 def files_of(name: str) -> dict[str, str]:
     """Return the files of a format, as if the replay had shown no loss."""
     return export_files(
-        name, table(), Replay(1.0, 1.0, 0.0, (0.0, 0.0), {}), [], {key: [] for key in table().servos}
+        FORMATS[name], table(), Replay(1.0, 1.0, 0.0, (0.0, 0.0), {}), [], {key: [] for key in table().servos}
     )
 
 

@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.export.formats import FORMATS, export_files
+from gaitopt.export.files import export_files
+from gaitopt.export.formats import FORMATS
 from gaitopt.export.gait_player import WALKING
-from gaitopt.export.replay import Replay, player_of
+from gaitopt.export.replay import Replay
+from gaitopt.export.stages import player_of
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.gait.table import GaitTable, is_table, read_table, sampled_deg
@@ -65,7 +67,7 @@ def exported(table: GaitTable, name: str, folder: Path) -> Path:
     """Write the table file of a format and return its path."""
     unset: dict[str, list[str]] = {channel: [] for channel in table.servos}
     path = folder / Path(FORMATS[name].table_file).name
-    path.write_text(export_files(name, table, UNHURT, [], unset)[FORMATS[name].table_file])
+    path.write_text(export_files(FORMATS[name], table, UNHURT, [], unset)[FORMATS[name].table_file])
     return path
 
 

@@ -1,0 +1,104 @@
+"""The files of an export: the table, what plays it, and a README."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jinja2
+
+from gaitopt.core.files import read_text
+from gaitopt.export.format import TEMPLATES, Format
+from gaitopt.export.replay import Replay
+from gaitopt.export.stages import servo_rows
+from gaitopt.gait.table import MARK, GaitTable
+
+README = "README.md"
+
+_UNSAFE = str.maketrans({character: f"\\u{ord(character):04x}" for character in "/*?`|<>&"})
+
+
+def export_files(
+    format: Format,
+    table: GaitTable,
+    replay: Replay,
+    warnings: Sequence[str],
+    from_datasheet: Mapping[str, Sequence[str]],
+) -> dict[str, str]:
+    """Return the text of every file of an export by its path.
+
+    Args:
+        format: the output format.
+        table: the table.
+        replay: how it did in simulation.
+        warnings: what the README warns of.
+        from_datasheet: per channel, the values of its calibration that nobody set.
+    """
+    environment = _environment()
+    known = facts(table)
+
+    def filled(template: str, **more: object) -> str:
+        return environment.from_string(template).render(known | more)
+
+    texts = {format.table_file: filled(read_text(format.table))}
+    texts |= {path: read_text(source) for path, source in format.copies.items()}
+    texts[README] = filled(
+        read_text(TEMPLATES / "README.md.jinja"),
+        table_file=format.table_file,
+        replay=replay,
+        warnings=warnings,
+        from_datasheet=from_datasheet,
+        wiring_notes=format.board.wiring_of([servo.pin for servo in table.servos.values()]),
+        play=filled(read_text(format.play)),
+    )
+    return texts
+
+
+def facts(table: GaitTable) -> dict[str, Any]:
+    """Return what every template sees of a table.
+
+    Returns:
+        ``mark`` and ``header``: what a table file carries to be read back; ``name`` and ``hash``;
+        ``period_s``, ``period_us``, ``frame_us``; ``led_pin``, -1 for none; ``pulses``, µs, rows of one
+        for each servo; ``servos``, each with ``name``, ``pin`` and ``numbers``, its row of `servo_rows`.
+    """
+    rows = zip(table.servos.items(), servo_rows(table), strict=True)
+    return {
+        "mark": MARK,
+        "header": comment(table.header),
+        "name": table.gait.name or "gait",
+        "hash": table.hash,
+        "period_s": table.gait.period_s,
+        "period_us": table.period_us,
+        "frame_us": table.frame_us,
+        "led_pin": -1 if table.led_pin is None else table.led_pin,
+        "pulses": table.pulses,
+        "servos": [{"name": name, "pin": servo.pin, "numbers": numbers} for (name, servo), numbers in rows],
+    }
+
+
+def comment(value: object) -> str:
+    """Return JSON that cannot end a comment, a string or a table cell of any of the languages here."""
+    return json.dumps(value, ensure_ascii=True).translate(_UNSAFE)
+
+
+def _without_quotes(text: str) -> str:
+    """Return `comment` of a text without its quotes."""
+    return comment(text)[1:-1]
+
+
+def _cell(text: str) -> str:
+    """Return a text as a cell of a CSV table, quoted where it has to be."""
+    line = io.StringIO()
+    csv.writer(line, lineterminator="").writerow([text])
+    return line.getvalue()
+
+
+def _environment() -> jinja2.Environment:
+    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
+    environment.filters["comment"] = _without_quotes
+    environment.filters["cell"] = _cell
+    return environment
