@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 
 from gaitopt.core.errors import unknown_name
 from gaitopt.core.files import write_text
+from gaitopt.core.folders import check_new_or_empty
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.diagnosis import diagnose as _diagnose
 from gaitopt.diagnose.fit.cache import SimulationCache
@@ -29,7 +30,7 @@ from gaitopt.optimise.study import Progress
 from gaitopt.problem.model import Robot, carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.runs.results import RunFolder, check_new, summary_of
+from gaitopt.runs.results import RunFolder, summary_of
 from gaitopt.simulation.check import Finding, check
 from gaitopt.simulation.metrics import Metrics, measure
 from gaitopt.simulation.objective import check_objective
@@ -230,5 +231,5 @@ def _gait(problem: Problem, gait: Gait | str) -> Gait:
 def _new_folder(out: Path | str | None) -> Path | None:
     """Return the folder that a job is to write, which must be new or empty."""
     folder = None if out is None else Path(out)
-    check_new(folder)
+    check_new_or_empty(folder)
     return folder

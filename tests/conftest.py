@@ -8,10 +8,12 @@ from helpers import ROBOTS, problem_folder
 from hypothesis import settings
 
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.robot.warnings import silence_warnings
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 settings.register_profile("gaitopt", deadline=None, derandomize=True, database=None)
 settings.load_profile("gaitopt")
+silence_warnings()  # as the command line does
 
 
 @pytest.fixture(autouse=True)

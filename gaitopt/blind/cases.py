@@ -21,12 +21,13 @@ from gaitopt.core.errors import GaitoptError, unknown_name
 from gaitopt.core.files import csv_text, write_text
 from gaitopt.core.streams import BLIND_FLOOR_SEED, Stream, generator
 from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
-from gaitopt.diagnose.gap.align import is_marker, square_apart
+from gaitopt.diagnose.gap.align import square_apart
 from gaitopt.diagnose.judge.small_errors import perturbed_robots, with_small_errors
 from gaitopt.effects.active import Values
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import PROBLEM_FILE, Fidelity, Problem
+from gaitopt.robot.signals import MARKER, is_marker, joint_signal
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import NOMINAL, Scenario, Simulator
 
@@ -135,8 +136,8 @@ def maker(
 
 def _signals(nominal: Simulator) -> list[str]:
     joint = nominal.effects.nominal.servo_joints[0]
-    named = [f"joint.{nominal.models[0].joint(joint).name}"] if joint >= 0 else []
-    return ["marker.x", "marker.y", "marker.z", *(n for n in named if n in nominal.signals)]
+    named = [joint_signal(nominal.models[0].joint(joint).name)] if joint >= 0 else []
+    return [*MARKER, *(n for n in named if n in nominal.signals)]
 
 
 def filmed_s(gait: Gait, seconds: float) -> float:
@@ -146,7 +147,7 @@ def filmed_s(gait: Gait, seconds: float) -> float:
 
 def _gap(one: Trajectory, other: Trajectory) -> float:
     """Return the RMS distance of two markers, origins removed, m."""
-    return math.sqrt(sum(square_apart(one, other, f"marker.{axis}") for axis in "xyz"))
+    return math.sqrt(sum(square_apart(one, other, signal) for signal in MARKER))
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gaitopt.effects.active import RobotEffects
 from gaitopt.effects.effect import LOOP_INTERVAL_S, Update
 from gaitopt.effects.library.contact import Friction
+from gaitopt.robot.signals import MARKER
 from gaitopt.simulation.rollout import Simulator
 
 Array = NDArray[np.float64]
@@ -75,7 +76,7 @@ def disturbed(simulator: Simulator, outside: Outside, figures: Figures) -> Simul
 
 def _along(simulator: Simulator, sensed: Array) -> float:
     """Return how far the marker is along forward, m."""
-    columns = [simulator.signals.index(f"marker.{axis}") for axis in "xyz"]
+    columns = [simulator.signals.index(signal) for signal in MARKER]
     return float(sensed[columns] @ simulator.problem.roles.axes[0])
 
 

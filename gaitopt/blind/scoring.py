@@ -13,6 +13,7 @@ import numpy as np
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import read_json
+from gaitopt.core.statistics import NORMAL_95
 
 SMALL = 3.0
 """Cases with a smaller gap, in floors, are reported apart."""
@@ -21,7 +22,6 @@ TIED = 0.995
 """Effects whose whitened signatures have such a cosine are told apart by no likelihood."""
 
 _BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)
-_Z = 1.645
 
 
 @dataclass(frozen=True)
@@ -125,9 +125,9 @@ def rate(cases: Sequence[Case], hit: Callable[[Case], bool]) -> dict[str, Any]:
     count, hits = len(cases), sum(map(hit, cases))
     if count == 0:
         return {"value": None, "ci90": [None, None], "cases": 0}
-    share, spread = hits / count, _Z**2 / count
+    share, spread = hits / count, NORMAL_95**2 / count
     centre = (share + 0.5 * spread) / (1.0 + spread)
-    half = _Z * math.sqrt(share * (1.0 - share) / count + 0.25 * spread / count) / (1.0 + spread)
+    half = NORMAL_95 * math.sqrt(share * (1.0 - share) / count + 0.25 * spread / count) / (1.0 + spread)
     # An end that is a share of 0 or 1 may miss it by rounding, which plots of the ends do not take.
     low, high = max(0.0, min(share, centre - half)), min(1.0, max(share, centre + half))
     return {"value": share, "ci90": [low, high], "cases": count}

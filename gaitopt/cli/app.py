@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.interrupts import interrupts_between_imports
+from gaitopt.robot.warnings import silence_warnings
 
 if TYPE_CHECKING:
     from gaitopt.export.handover import Exported
@@ -35,6 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with interrupts_between_imports():
             words = sys.argv[1:] if arguments is None else list(arguments)
             options = build_parser().parse_args(_canonical(words))
+            silence_warnings()
             options.run(options)
     except SystemExit as stop:
         return int(stop.code or 0)
@@ -652,13 +654,14 @@ def _first_gait(problem: Problem, name: str | None) -> Gait:
 
 def _compare(options: argparse.Namespace) -> None:
     from gaitopt.cli.display import print_comparison
+    from gaitopt.core.folders import check_new_or_empty
     from gaitopt.optimise.compare import compare
     from gaitopt.optimise.executors import open_executor
     from gaitopt.report.report import verdicts, write_comparison
-    from gaitopt.runs.results import check_new, to_json
+    from gaitopt.runs.results import to_json
     from gaitopt.simulation.objective import check_objective
 
-    check_new(options.out)
+    check_new_or_empty(options.out)
     problem = _load(options)
     check_objective(problem)
     gaits = [problem.find_gait(name) for name in options.gaits]
@@ -677,11 +680,12 @@ def _compare(options: argparse.Namespace) -> None:
 
 def _check(options: argparse.Namespace) -> None:
     from gaitopt.cli.display import note
+    from gaitopt.core.folders import check_new_or_empty
     from gaitopt.optimise.executors import open_executor
-    from gaitopt.runs.results import check_new, to_json
+    from gaitopt.runs.results import to_json
     from gaitopt.simulation.check import check
 
-    check_new(options.out)
+    check_new_or_empty(options.out)
     problem = _load(options)
     with open_executor("threads", options.workers) as executor:
         findings = check(problem, executor, (lambda _: None) if options.json else note)
@@ -758,13 +762,13 @@ def _command(options: argparse.Namespace) -> None:
 def _diagnose(options: argparse.Namespace) -> None:
     from gaitopt.cli.display import steps_display
     from gaitopt.core.errors import unknown_name
+    from gaitopt.core.folders import check_new_or_empty
     from gaitopt.diagnose.diagnosis import diagnose
     from gaitopt.diagnose.fit.cache import SimulationCache
     from gaitopt.diagnose.record.dataset import load_dataset
     from gaitopt.effects import EFFECTS
     from gaitopt.optimise.executors import open_executor, working
     from gaitopt.report.diagnosis_report import diagnosis_folder, write_diagnosis
-    from gaitopt.runs.results import check_new
     from gaitopt.simulation.rollout import Simulator
 
     if options.resume is not None:
@@ -772,7 +776,7 @@ def _diagnose(options: argparse.Namespace) -> None:
         if (options.resume / "diagnosis.json").is_file():
             _print_diagnosis(options.resume, options.json)
             return
-    check_new(options.out)
+    check_new_or_empty(options.out)
     problem = _load(options)
     among = options.effects.split(",") if options.effects else None
     for name in among or ():
@@ -927,13 +931,14 @@ def _positive(option: str, value: float | None) -> float | None:
 
 
 def _export(options: argparse.Namespace) -> None:
-    from gaitopt.export.handover import Choices, check_folder, prepare
+    from gaitopt.core.folders import check_new_or_empty
+    from gaitopt.export.handover import Choices, prepare
     from gaitopt.optimise.executors import open_executor
     from gaitopt.runs.results import to_json
 
     problem = _load(options)
     gait = problem.find_gait(options.gait, in_range=False)
-    check_folder(options.out)
+    check_new_or_empty(options.out)
     choices = Choices(options.format, options.clip, options.slew, options.led_pin, options.samples)
     with open_executor("threads", options.workers) as executor:
         handover = prepare(problem, gait, choices, executor)

@@ -5,12 +5,10 @@ from __future__ import annotations
 import io
 import json
 import os
-import shutil
 import stat
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, TypeVar, Union, get_origin
@@ -144,27 +142,6 @@ def write_text(path: Path, text: str) -> None:
     except UnicodeEncodeError:
         raise GaitoptError(f"{path}: cannot be written: a name in it is no Unicode text") from None
     write_with(path, lambda temporary: temporary.write_bytes(data))
-
-
-@contextmanager
-def filling(folder: Path) -> Iterator[None]:
-    """Make a folder, or take an empty one, and fill it whole: on an error, nothing stays of it.
-
-    Raises:
-        GaitoptError: the folder or a file cannot be written.
-    """
-    made = not folder.exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        yield
-    except BaseException as error:
-        for path in folder.iterdir() if folder.is_dir() else ():
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
-        if made and folder.is_dir():
-            folder.rmdir()
-        if isinstance(error, OSError):
-            raise GaitoptError(f"{folder}: cannot be written: {error.strerror}") from None
-        raise
 
 
 def csv_text(columns: dict[str, np.ndarray]) -> str:

@@ -13,7 +13,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.fitting import Note
 from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
-from gaitopt.diagnose.gap.align import Aligned, align, is_marker, pooled_marker_rms
+from gaitopt.diagnose.gap.align import Aligned, align, pooled_marker_rms
 from gaitopt.diagnose.gap.floor import Floors, marker_floor, measure_floors
 from gaitopt.diagnose.gap.mismatches import mismatches
 from gaitopt.diagnose.gap.predict import predict
@@ -25,6 +25,7 @@ from gaitopt.diagnose.record.cleaning import Cleaned, clean
 from gaitopt.diagnose.record.dataset import DataSet
 from gaitopt.diagnose.record.defects import Defect
 from gaitopt.effects import EFFECTS
+from gaitopt.robot.signals import is_marker
 from gaitopt.simulation.rollout import Simulator
 
 SIGNIFICANT = 2.0

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from gaitopt.diagnose.diagnosis import SIGNIFICANT, Diagnosis, TrialGap
-from gaitopt.diagnose.gap.align import is_marker
 from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.where import Split
 from gaitopt.diagnose.judge.experiment import Experiment
 from gaitopt.diagnose.judge.unevenness import UNEVEN
+from gaitopt.robot.signals import is_marker
 
 _WORTH_SAYING = 0.15
 """Share of a signal's squared gap from which a component is put into words."""

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.effects import EFFECTS, Effect
-from gaitopt.effects.effect import ALL, Commands, Parts, Update, is_added, owner_of
+from gaitopt.effects.effect import ALL, Parts, Update, is_added, owner_of
+from gaitopt.gait.drive import Commands
 from gaitopt.robot.roles import Roles
 from gaitopt.robot.trajectory import Trajectory
 

@@ -24,6 +24,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.gait.drive import Commands
 from gaitopt.robot.roles import Roles
 from gaitopt.robot.trajectory import Trajectory
 
@@ -129,9 +130,6 @@ class Parts:
 
 Figure = Callable[[Parts], float]
 """A figure of the nominal robot: its mass, its servos' torque limit, …"""
-
-Commands = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""What is sent to the servos, rad, shape (n, nu), at gait times on the simulation's clock, s, shape (n,)."""
 
 Update = Callable[[NDArray[np.float64]], None]
 """Called with the last ``sensordata``; edits the model that runs."""

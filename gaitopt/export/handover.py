@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
+from gaitopt.core.folders import check_new_or_empty
 from gaitopt.export.files import export_files
 from gaitopt.export.format import Format
 from gaitopt.export.formats import FORMATS
@@ -186,25 +187,13 @@ def _slew_deg_s(text: str) -> float | None:
     return value
 
 
-def check_folder(path: Path) -> None:
-    """Check that an export may be written to `path`.
-
-    Raises:
-        GaitoptError: something is there already.
-    """
-    if path.is_dir() and any(path.iterdir()):
-        raise GaitoptError(f"--out: {path} is not empty; allowed: a new or an empty folder")
-    if path.exists() and not path.is_dir():
-        raise GaitoptError(f"--out: {path} is a file; allowed: a new or an empty folder")
-
-
 def write_folder(path: Path, texts: dict[str, str]) -> list[Path]:
     """Write files into a new or empty folder, all of them or none, and return their paths.
 
     Raises:
         GaitoptError: the folder holds something already, or cannot be written.
     """
-    check_folder(path)
+    check_new_or_empty(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))

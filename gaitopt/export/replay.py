@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.effects.effect import Commands
+from gaitopt.core.statistics import interval90
 from gaitopt.export.gait_player import RAMP_US
 from gaitopt.export.stages import command_stages
+from gaitopt.gait.drive import Commands
 from gaitopt.gait.table import GaitTable
-from gaitopt.optimise.verification import interval90
 from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import measure

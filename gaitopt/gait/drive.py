@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+Commands = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""What is sent to the servos, rad, shape (n, nu), at gait times on the simulation's clock, s, shape (n,)."""
 
 
 @runtime_checkable

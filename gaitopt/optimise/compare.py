@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from gaitopt.core.errors import GaitoptError, unknown_name
+from gaitopt.core.statistics import interval90
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.optimise.evaluator import Evaluator
-from gaitopt.optimise.verification import interval90, scenarios_of
+from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import NOMINAL
 from gaitopt.simulation.setup import RobotSetup

@@ -15,6 +15,7 @@ from multiprocessing import get_context, parent_process, resource_tracker
 from typing import Any
 
 from gaitopt.core.errors import GaitoptError, nearest
+from gaitopt.robot.warnings import silence_warnings
 
 EXECUTORS = ("threads", "processes", "serial")
 
@@ -94,8 +95,9 @@ def _block_interrupts() -> None:
 
 
 def _begin_worker() -> None:
-    """Leave Ctrl-C to the parent process, and end when it ends, however it ends."""
+    """Leave Ctrl-C to the parent process, end when it ends, however it ends, and print no warnings."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    silence_warnings()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
@@ -136,7 +138,7 @@ class DaskExecutor(Executor):
         threading.Thread(target=self._watch, daemon=True).start()
         try:
             self._client.run_on_scheduler(usable_cores)
-            self._client.run(usable_cores)
+            self._client.run(silence_warnings)
         except Exception:
             self.shutdown(wait=False)
             raise GaitoptError(

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.statistics import half_width90
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator
@@ -106,6 +106,5 @@ def _sensitivity(
     name: str, kind: str, nominal: NDArray[np.float64], down: NDArray[np.float64], up: NDArray[np.float64]
 ) -> Sensitivity:
     slopes = (up - down) / 2.0
-    half = stats.t.ppf(0.95, len(slopes) - 1) * slopes.std(ddof=1) / np.sqrt(len(slopes))
     changes = float((down - nominal).mean()), float((up - nominal).mean())
-    return Sensitivity(name, kind, *changes, slope=float(slopes.mean()), noise=float(half))
+    return Sensitivity(name, kind, *changes, slope=float(slopes.mean()), noise=half_width90(slopes))

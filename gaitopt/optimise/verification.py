@@ -7,8 +7,8 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
+from gaitopt.core.statistics import interval90
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator
@@ -74,12 +74,3 @@ def verify(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executo
         speeds = np.array([outcome.metrics["speed_m_s"] for outcome in outcomes])
         verified.append(Verified(gait, evaluation, speeds, sum(o.simulated_s for o in outcomes)))
     return verified
-
-
-def interval90(values: np.ndarray) -> tuple[float, float]:
-    """Return the 90 % interval of the mean of independent values, by Student's t."""
-    mean = float(values.mean())
-    if len(values) < 2:
-        return mean, mean
-    half = float(stats.t.ppf(0.95, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))
-    return mean - half, mean + half

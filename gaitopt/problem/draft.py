@@ -16,9 +16,11 @@ import mujoco
 import numpy as np
 
 from gaitopt.core.errors import GaitoptError, bad_value
-from gaitopt.core.files import filling, write_text
+from gaitopt.core.files import write_text
+from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.problem.model import compile_mjcf, named_files, nominal_mjcf, read_mjcf
 from gaitopt.problem.problem import PROBLEM_FILE, load_problem
+from gaitopt.robot.contact import can_touch_ground
 
 _NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
 _MARKERS = ("end_effector", "marker", "nose", "head", "tip", "front")
@@ -51,8 +53,7 @@ def make_problem(name: str, mjcf: Path, folder: Path) -> Draft:
     """
     if not re.fullmatch(_NAME, name):
         raise bad_value("gaitopt new", "NAME", name, "letters, digits, '_', '-' and '.'")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise GaitoptError(f"{folder} is not empty; allowed: a new or an empty folder")
+    check_new_or_empty(folder)
     root, included = read_mjcf(mjcf)
     assets = named_files(root, mjcf)
     files = [mjcf, *included, *(path for path, _ in assets.values())]
@@ -131,7 +132,7 @@ def _rank(name: str, words: Sequence[str]) -> int:
 
 def _touching(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[str], list[str], list[str]]:
     """Return pads, other geoms that may touch the ground, and what to say about the guess."""
-    solid = [i for i in range(model.ngeom) if model.geom_bodyid[i] > 0 and _meets_world(model, i)]
+    solid = [i for i in range(model.ngeom) if model.geom_bodyid[i] > 0 and can_touch_ground(model, i)]
     named = [i for i in solid if model.geom(i).name]
     remarks = []
     if len(named) < len(solid):
@@ -159,12 +160,6 @@ def _called_pads(model: mujoco.MjModel, geoms: Sequence[int]) -> list[int]:
             if found:
                 return found
     return []
-
-
-def _meets_world(model: mujoco.MjModel, geom: int) -> bool:
-    types, affinities = model.geom_contype, model.geom_conaffinity
-    world = np.flatnonzero(model.geom_bodyid == 0)
-    return bool(((types[geom] & affinities[world]) | (types[world] & affinities[geom])).any())
 
 
 def _passive_hinges(model: mujoco.MjModel) -> list[str]:

@@ -19,9 +19,7 @@ from gaitopt.effects.active import RobotEffects, transferred
 from gaitopt.effects.effect import Parts, is_added
 from gaitopt.effects.library.servo import net_torque_limits
 from gaitopt.problem.problem import Fidelity, Parameter, Problem
-
-# A simulation that diverges is a status on its result; MuJoCo would print it and append to a log file here.
-mujoco.set_mju_user_warning(lambda message: None)
+from gaitopt.robot.signals import MARKER, joint_signal
 
 START = "start"
 """Keyframe from which every gait begins."""
@@ -169,7 +167,7 @@ def instruments(problem: Problem, model: mujoco.MjModel) -> list[Instrument]:
         Instrument(
             "framepos",
             {"objtype": "site", "objname": marker},
-            ("marker.x", "marker.y", "marker.z"),
+            MARKER,
         ),
         Instrument(
             "framequat",
@@ -186,7 +184,7 @@ def instruments(problem: Problem, model: mujoco.MjModel) -> list[Instrument]:
         found.append(Instrument("actuatorvel", {"actuator": name}, (f"rate.{name}",)))
         found.append(Instrument("actuatorfrc", {"actuator": name}, (f"torque.{name}",)))
     for name in filter(None, (model.joint(i).name for i in scalar_joints(model))):
-        found.append(Instrument("jointpos", {"joint": name}, (f"joint.{name}",)))
+        found.append(Instrument("jointpos", {"joint": name}, (joint_signal(name),)))
     for pad in problem.roles.pads:
         found.append(
             Instrument(

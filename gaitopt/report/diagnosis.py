@@ -13,7 +13,7 @@ from gaitopt.core.files import write_text
 from gaitopt.core.quantities import figure
 from gaitopt.diagnose.correction import Walked
 from gaitopt.diagnose.diagnosis import Diagnosis, TrialGap
-from gaitopt.diagnose.gap.align import Aligned, align, is_marker
+from gaitopt.diagnose.gap.align import Aligned, align
 from gaitopt.diagnose.gap.predict import predict
 from gaitopt.diagnose.gap.where import COMPONENTS
 from gaitopt.diagnose.words import answer, explanation, what_it_tells
@@ -22,6 +22,7 @@ from gaitopt.report.figures import diagnosis as diagnosis_plots
 from gaitopt.report.figures import plots as gait_plots
 from gaitopt.report.page import Page, Picture, Section, Table, folded, image_section, save_figures
 from gaitopt.report.report import gait_table
+from gaitopt.robot.signals import is_marker
 from gaitopt.runs.results import write_into
 from gaitopt.simulation.rollout import Simulator
 

@@ -9,22 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.files import csv_text
-
-UNITS = {
-    "marker": "m",
-    "heading": "",
-    "target": "rad",
-    "position": "rad",
-    "rate": "rad_s",
-    "torque": "n_m",
-    "joint": "rad",
-    "load": "n",
-    "pad_speed": "m_s",
-    "contacts": "",
-    "contacts_all": "",
-    "depth": "m",
-}
-"""Unit of each kind of signal, the part of its name before the dot, as a column suffix."""
+from gaitopt.robot.signals import column_of
 
 
 @dataclass(frozen=True)
@@ -65,6 +50,5 @@ class Trajectory:
         """Return a CSV table: ``t_s``, then one column per signal with its unit as suffix."""
         columns = {"t_s": self.time}
         for name, series in self.signals.items():
-            unit = UNITS[name.partition(".")[0]]
-            columns[f"{name}_{unit}" if unit else name] = series
+            columns[column_of(name)] = series
         return csv_text(columns)

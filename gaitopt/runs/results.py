@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import IO, Any
 
@@ -20,6 +19,8 @@ from pydantic import BaseModel
 
 from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.core.files import read_json, read_toml, validated, write_text, write_with
+from gaitopt.core.folders import not_empty
+from gaitopt.core.versions import versions
 from gaitopt.gait.gait import write_gait
 from gaitopt.optimise.journal import gait_columns
 from gaitopt.optimise.pareto import FrontGait, speed, transport
@@ -39,11 +40,6 @@ _FIRST_FILES = (PROBLEM_FILE, _MODEL_FILE)
 
 _HALF_WRITTEN = re.compile(r"\..+\.[a-z0-9_]{8}\.\w+")
 """Names of the temporary files that `files.write_with` renames into place; a killed run may leave one."""
-
-
-def _versions() -> dict[str, str]:
-    """What the bits of a run depend on beside its request."""
-    return {name: version(name) for name in ("gaitopt", "mujoco", "numpy")}
 
 
 class _Row(BaseModel):
@@ -96,7 +92,7 @@ class RunFolder:
             for name, data in assets.items():
                 folder._write_asset(name, data)
             write_problem(path, problem, model)
-            content = asdict(request) | _versions()
+            content = asdict(request) | versions()
             folder.file(_REQUEST_FILE, lambda p: write_text(p, tomli_w.dumps(content)))
         except BaseException:
             folder.discard()
@@ -122,7 +118,7 @@ class RunFolder:
                 raise GaitoptError(f"{path / _REQUEST_FILE}: {key}: missing; it is required")
             if type(values[key]) is not type(default):
                 raise bad_value(path / _REQUEST_FILE, key, values[key], f"{type(default).__name__}")
-        for name, here in _versions().items():
+        for name, here in versions().items():
             if values.get(name, here) != here and not (path / _SUMMARY_FILE).exists():
                 raise bad_value(
                     path / _REQUEST_FILE, name, values[name], f"{here}, the version here, to go on"
@@ -346,16 +342,6 @@ def write_problem(folder: Path, problem: Problem, model: str) -> None:
     write_into(folder, PROBLEM_FILE, lambda p: write_text(p, problem.to_toml(_MODEL_FILE)))
 
 
-def check_new(path: Path | None) -> None:
-    """Check that a run folder may be made there, before anything is computed for it.
-
-    Raises:
-        GaitoptError: it holds something already.
-    """
-    if path is not None and path.exists() and (not path.is_dir() or any(path.iterdir())):
-        raise GaitoptError(f"--out: {path} is not empty; allowed: a new or an empty folder")
-
-
 def new_folder(path: Path | None, name: str) -> Path:
     """Return a new or empty folder: `path`, or a numbered one under `RUNS`.
 
@@ -404,7 +390,7 @@ def _make(path: Path) -> bool:
                 f"--out: {path} already holds a run; choose another folder, or --resume {path}"
             )
         if any(path.iterdir()) and not _killed_while_made(path):
-            raise GaitoptError(f"--out: {path} is not empty; allowed: a new or an empty folder")
+            raise not_empty(path)
         return False
     try:
         path.mkdir(parents=True)

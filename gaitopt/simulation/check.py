@@ -8,12 +8,13 @@ from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-import mujoco
 import numpy as np
 
+from gaitopt.core.statistics import NORMAL_95
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.model import Robot, build_model, start_targets
 from gaitopt.problem.problem import Fidelity, Problem
+from gaitopt.robot.contact import can_touch, ground_geoms, mixed_friction
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Scenario, Simulator
@@ -50,9 +51,6 @@ _NUDGE_RAD = 1e-6
 _PARAMETER_CHANGE = 1.1
 _INERT_S = 2.0
 _STARTS = 16
-_SURE = 1.645
-"""Standard errors by which a change must exceed its limit: 95 % one-sided."""
-
 _STEP_BUDGET = 500_000
 """Steps that the timestep's check may spend on a gait before it makes do with fewer starts."""
 
@@ -162,28 +160,14 @@ def _inert_friction(problem: Problem, changed: Problem) -> str:
     """Return why a changed friction coefficient does nothing on the ground, or an empty string."""
     one, other = build_model(problem), build_model(changed)
     geoms = np.flatnonzero((one.geom_friction != other.geom_friction).any(axis=1))
-    ground = np.flatnonzero(one.geom_bodyid == 0)
-    pairs = [(g, w) for g in geoms.tolist() for w in ground.tolist() if _collide(one, g, w)]
-    if not pairs or any((_friction(one, *pair) != _friction(other, *pair)).any() for pair in pairs):
+    pairs = [(g, w) for g in geoms.tolist() for w in ground_geoms(one) if can_touch(one, g, w)]
+    if not pairs or any((mixed_friction(one, *pair) != mixed_friction(other, *pair)).any() for pair in pairs):
         return ""
     geom = one.geom(pairs[0][1])
     return (
         "no friction on the ground: of two geoms of equal priority MuJoCo takes the larger coefficient, "
         f"and {geom.name or 'the ground'} has {geom.friction[0]:g}; give the robot's geoms a higher priority"
     )
-
-
-def _collide(model: mujoco.MjModel, one: int, other: int) -> bool:
-    types, affinities = model.geom_contype, model.geom_conaffinity
-    return bool(types[one] & affinities[other] or types[other] & affinities[one])
-
-
-def _friction(model: mujoco.MjModel, one: int, other: int) -> np.ndarray:
-    """Return the friction of a contact of two geoms, by MuJoCo's rule of priority, then maximum."""
-    priorities = model.geom_priority[[one, other]]
-    if priorities[0] != priorities[1]:
-        return np.array(model.geom_friction[(one, other)[priorities.argmax()]])
-    return np.array(model.geom_friction[[one, other]].max(axis=0))
 
 
 def _gaits(simulator: Simulator, executor: Executor) -> Iterator[Finding]:
@@ -272,7 +256,7 @@ def _timestep(problem: Problem, executor: Executor, diverged: Collection[str]) -
         before, after = np.mean(speeds, axis=1).tolist()
         error = float(np.sqrt(np.var(speeds, axis=1, ddof=1).sum() / count))
         limit = max(TIMESTEP_CHANGE * abs(after), TIMESTEP_FLOOR_M_S)
-        if not abs(after - before) <= limit + _SURE * error:
+        if not abs(after - before) <= limit + NORMAL_95 * error:
             message = (
                 f"halving the timestep of {working.timestep_s:g} s changes the mean speed over {count} "
                 f"starts from {1e3 * before:.3g} to {1e3 * after:.3g} mm/s "

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.effects.active import RobotEffects, control_columns, with_added
-from gaitopt.effects.effect import LOOP_INTERVAL_S, Commands
+from gaitopt.effects.effect import LOOP_INTERVAL_S
+from gaitopt.gait.drive import Commands
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.model import (
     START,

@@ -6,10 +6,9 @@ import hashlib
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import version
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.versions import versions_text
 from gaitopt.problem.model import Robot, carrying
 from gaitopt.problem.problem import Fidelity, Problem
 from gaitopt.simulation.rollout import Scenario, Simulator
@@ -45,13 +44,7 @@ class RobotSetup:
         file = problem.to_toml(problem.model_path.name)
         content = (file, sorted((problem.carried or {}).items()), tuple(scenarios), repr(fidelity))
         key = hashlib.sha256(repr(content).encode()).hexdigest()
-        return RobotSetup(problem, tuple(scenarios), fidelity, key, versions())
-
-
-@cache
-def versions() -> str:
-    """Return the versions that the bits of a result depend on."""
-    return ", ".join(f"{name} {version(name)}" for name in ("gaitopt", "mujoco", "numpy"))
+        return RobotSetup(problem, tuple(scenarios), fidelity, key, versions_text())
 
 
 _simulators: dict[str, tuple[Simulator, Robot]] = {}
@@ -62,9 +55,9 @@ def prepared(setup: RobotSetup) -> tuple[Simulator, Robot]:
     """Return this process's simulator of a setup, compiled on first use."""
     with _compiling:
         if setup.key not in _simulators:
-            if setup.versions != versions():
+            if setup.versions != versions_text():
                 raise GaitoptError(
-                    f"--executor: found a worker with {versions()}; allowed: {setup.versions}, as here"
+                    f"--executor: found a worker with {versions_text()}; allowed: {setup.versions}, as here"
                 )
             while len(_simulators) >= _KEPT:
                 del _simulators[next(iter(_simulators))]

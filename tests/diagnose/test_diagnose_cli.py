@@ -145,7 +145,7 @@ def test_import_then_diagnose(arcfold, tmp_path, capsys):
     assert main(["diagnose", "arcfold", str(folder), "--out", str(tmp_path / "out")]) == 0
     assert "No significant gap" in capsys.readouterr().out
     assert main(arguments) == 1
-    assert "exists; allowed: a new or an empty folder" in capsys.readouterr().err
+    assert "is not empty; allowed: a new or an empty folder" in capsys.readouterr().err
 
 
 def test_import_refuses_a_frame_rate_of_nothing(tmp_path, capsys):

@@ -155,7 +155,7 @@ def test_nothing_is_overwritten_or_left_half_written(tmp_path):
     assert not out.exists()
     import_files([good], ["square-1s"], out, Options())
     before = {path: path.read_bytes() for path in out.iterdir()}
-    with pytest.raises(GaitoptError, match="exists; allowed: a new or an empty folder"):
+    with pytest.raises(GaitoptError, match="is not empty; allowed: a new or an empty folder"):
         import_files([good], ["square-2s"], out, Options())
     assert {path: path.read_bytes() for path in out.iterdir()} == before
 

@@ -15,9 +15,10 @@ from helpers import STRIDER, edited, still
 
 from gaitopt.cli.app import main
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.folders import check_new_or_empty
 from gaitopt.export.files import comment, export_files
 from gaitopt.export.formats import FORMATS
-from gaitopt.export.handover import Choices, Handover, check_folder, prepare, write_folder
+from gaitopt.export.handover import Choices, Handover, prepare, write_folder
 from gaitopt.export.limits import lags
 from gaitopt.export.replay import Replay
 from gaitopt.export.stages import command_stages, duty_us, sent_pulses
@@ -134,7 +135,7 @@ def test_a_folder_in_use_is_refused_before_anything_runs(
     )
     assert [path.name for path in out.iterdir()] == ["mine.txt"]
     with pytest.raises(GaitoptError, match="is a file; allowed"):
-        check_folder(out / "mine.txt")
+        check_new_or_empty(out / "mine.txt")
 
 
 def test_a_write_that_fails_half_way_leaves_nothing(tmp_path: Path) -> None:

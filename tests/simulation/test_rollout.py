@@ -18,7 +18,7 @@ from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.model import Robot, build_model, start_targets
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.robot.trajectory import UNITS
+from gaitopt.robot.signals import UNITS
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.objective import FAILED_COST
 from gaitopt.simulation.rollout import NOMINAL, Scenario, Simulator, draw_scenarios, servo_commands

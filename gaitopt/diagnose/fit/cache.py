@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.files import write_with
+from gaitopt.core.versions import versions_text
 from gaitopt.diagnose.record.dataset import DataSet
 from gaitopt.problem.model import carrying
 from gaitopt.simulation.rollout import Simulator
-from gaitopt.simulation.setup import versions
 
 Arrays = Mapping[str, NDArray[np.float64]]
 
@@ -36,7 +36,7 @@ class SimulationCache:
         """Return the cache, in a folder, of all diagnoses that would simulate the same."""
         problem = carrying(simulator.problem)
         file = problem.to_toml(problem.model_path.name)
-        said = (versions(), file, sorted((problem.carried or {}).items()), simulator.fidelity, seed)
+        said = (versions_text(), file, sorted((problem.carried or {}).items()), simulator.fidelity, seed)
         digest = hashlib.sha256(repr(said).encode())
         for trial in dataset.trials:
             entry = (trial.name, trial.gait, trial.starts_at_s, trial.noise_m, trial.fps, list(trial.signals))

@@ -26,6 +26,7 @@ from gaitopt.diagnose.gap.predict import latest_gait_time
 from gaitopt.diagnose.record.dataset import Trial
 from gaitopt.effects.active import Values
 from gaitopt.problem.problem import Problem
+from gaitopt.robot.signals import is_marker
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
@@ -220,7 +221,7 @@ def build_trial_set(
         blocks.append(first + numbers)
         block_trials += [index] * len(present)
         for name, rows in one.rows.items():
-            if name.startswith("marker."):
+            if is_marker(name):
                 sample_trials += [index] * len(rows)
                 sample_blocks += (first + numbers[rows]).tolist()
         first += len(present)

@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
-from gaitopt.diagnose.gap.align import Aligned, is_marker
+from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floors
+from gaitopt.robot.signals import is_marker
 from gaitopt.robot.trajectory import Trajectory
 
 Array = NDArray[np.float64]

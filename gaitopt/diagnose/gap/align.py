@@ -11,6 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.record.dataset import Trial
+from gaitopt.robot.signals import is_marker
 from gaitopt.robot.trajectory import Trajectory
 
 Series = NDArray[np.float64]
@@ -51,11 +52,6 @@ class Aligned:
     def marker_rms(self) -> float:
         """RMS distance between measured and predicted marker over the axes measured, m."""
         return float(np.sqrt(sum(self.rms(name) ** 2 for name in self.trial.signals if is_marker(name))))
-
-
-def is_marker(signal: str) -> bool:
-    """Whether a signal is a coordinate of the marker, in m; the others are angles, in rad."""
-    return signal.startswith("marker.")
 
 
 def square_apart(one: Trajectory, other: Trajectory, signal: str) -> float:

@@ -20,6 +20,7 @@ from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.fit import response
 from gaitopt.diagnose.fit.fitting import Comparison, Fit, TrialSet
 from gaitopt.diagnose.fit.pairs import PairFit
+from gaitopt.robot.signals import is_marker
 
 Array = NDArray[np.float64]
 
@@ -317,7 +318,7 @@ def gap_of(
         seed: seed of the cycles drawn.
         trial: the trial meant; None for all together.
     """
-    axes = max(1, sum(name.startswith("marker.") for name in trial_set.trials[0].rows))
+    axes = max(1, sum(map(is_marker, trial_set.trials[0].rows)))
     count = trial_set.n_blocks
     samples = np.bincount(trial_set.sample_blocks, minlength=count) / axes
     before: Array = np.bincount(trial_set.sample_blocks, nominal.marker**2, minlength=count).astype(float)

@@ -19,12 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.streams import Stream, generator
-from gaitopt.diagnose.gap.align import is_marker, square_apart
+from gaitopt.diagnose.gap.align import square_apart
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.evidence import Candidate, probabilities
 from gaitopt.diagnose.judge.small_errors import perturbed_robots
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
+from gaitopt.robot.signals import is_marker
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 

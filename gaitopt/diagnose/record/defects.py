@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from gaitopt.diagnose.record.dataset import Flags, Series, Trial
+from gaitopt.robot.signals import is_marker
 
 _DROPPED = 1.8
 """Steps longer than this many typical ones have frames missing."""
@@ -218,7 +219,7 @@ def quantum_of(series: Series) -> float:
 
 def markers(trial: Trial) -> dict[str, Series]:
     """Return the marker's coordinates by signal name."""
-    return {name: series for name, series in trial.signals.items() if name.startswith("marker.")}
+    return {name: series for name, series in trial.signals.items() if is_marker(name)}
 
 
 def cycle_range(trial: Trial, name: str) -> float:

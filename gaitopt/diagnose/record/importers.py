@@ -13,7 +13,8 @@ import tomli_w
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.core.files import csv_text, filling, validated, write_text
+from gaitopt.core.files import csv_text, validated, write_text
+from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import DATASET_FILE, DataSetFile, Trial
@@ -297,8 +298,7 @@ def import_files(
     Raises:
         GaitoptError: the folder holds something, or a file cannot be imported.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise GaitoptError(f"--out: {folder} exists; allowed: a new or an empty folder")
+    check_new_or_empty(folder)
     if len(gaits) not in (1, len(files)):
         raise GaitoptError(f"--gait: found {len(gaits)} for {len(files)} files; allowed: one, or one each")
     names = [path.stem for path in files]

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.effects.effect import Effect, Parts, Prior
+from gaitopt.robot.signals import MARKER
 from gaitopt.robot.trajectory import Trajectory
-
-_MARKER = ("marker.x", "marker.y", "marker.z")
 
 _JUMP = (0.2, 1.0)
 """Shortest and longest jump of an outlier, in spans of the marker's path."""
@@ -28,8 +27,8 @@ def _marked(
         change: from the path to the path that is seen, m, both of shape (n, 3).
     """
     missing = np.zeros(len(trajectory.time))
-    path = np.stack([trajectory.signals.get(name, missing) for name in _MARKER], axis=-1)
-    seen = dict(zip(_MARKER, change(path).T, strict=True))
+    path = np.stack([trajectory.signals.get(name, missing) for name in MARKER], axis=-1)
+    seen = dict(zip(MARKER, change(path).T, strict=True))
     signals = {name: seen.get(name, series) for name, series in trajectory.signals.items()}
     return replace(trajectory, signals=signals)
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.effects.effect import LOOP_INTERVAL_S, Effect, Parts, Prior, Update, added_name
+from gaitopt.robot.contact import can_touch, can_touch_ground, ground_geoms, mixed_friction
 
 _LOADED = 0.02
 """A geom that carries less than this share of the robot's weight does not count as loaded."""
@@ -106,15 +107,6 @@ def _touching(parts: Parts) -> list[int]:
     return parts.pads + parts.body
 
 
-def _ground(model: mujoco.MjModel) -> list[int]:
-    return np.flatnonzero(model.geom_bodyid == 0).tolist()
-
-
-def _collide(model: mujoco.MjModel, one: int, other: int) -> bool:
-    types, affinities = model.geom_contype, model.geom_conaffinity
-    return bool(types[one] & affinities[other] or types[other] & affinities[one])
-
-
 def _contact_axes(up: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the two tangents of MuJoCo's contact frame on a plane with normal `up`, shape (2, 3)."""
     first = np.array([0.0, 1.0, 0.0]) if abs(up[1]) < 0.5 else np.array([0.0, 0.0, 1.0])
@@ -129,7 +121,7 @@ def _not_along_an_axis(parts: Parts) -> str | None:
         return "forward is not along a world axis, as MuJoCo's contact frames are"
     if not _touching(parts):
         return "the problem names no roles.pads and no roles.body"
-    if not any(_collide(parts.model, g, w) for g in _touching(parts) for w in _ground(parts.model)):
+    if not any(can_touch_ground(parts.model, geom) for geom in _touching(parts)):
         return "no pad or body geom meets a geom of the world"
     return None
 
@@ -137,8 +129,8 @@ def _not_along_an_axis(parts: Parts) -> str | None:
 def _add_pairs(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
     """Make an explicit pair of every geom that touches with every geom of the world that it meets."""
     for geom in _touching(nominal):
-        for ground in _ground(nominal.model):
-            if _collide(nominal.model, geom, ground):
+        for ground in ground_geoms(nominal.model):
+            if can_touch(nominal.model, geom, ground):
                 one, other = spec.geoms[ground], spec.geoms[geom]
                 one.name = one.name or added_name("geom", str(ground))
                 name = added_name("pair", f"{one.name}:{other.name}")
@@ -163,11 +155,10 @@ def _mix(model: mujoco.MjModel, pair: int) -> None:
     weights = model.geom_solmix[geoms] / max(float(model.geom_solmix[geoms].sum()), 1e-15)
     if priority[0] != priority[1]:
         weights = (priority == priority.max()).astype(float)
-        slide, spin, roll = model.geom_friction[geoms[int(priority.argmax())]]
         model.pair_dim[pair] = model.geom_condim[geoms[int(priority.argmax())]]
     else:
-        slide, spin, roll = model.geom_friction[geoms].max(axis=0)
         model.pair_dim[pair] = model.geom_condim[geoms].max()
+    slide, spin, roll = mixed_friction(model, *geoms)
     solref = model.geom_solref[geoms]
     direct = weights.max() < 1.0 and bool((solref[:, 0] <= 0.0).any())
     model.pair_friction[pair] = slide, slide, spin, roll, roll

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from gaitopt.effects.effect import (
     LOOP_INTERVAL_S,
-    Commands,
     Effect,
     Parts,
     Prior,
@@ -26,6 +25,7 @@ from gaitopt.effects.effect import (
     added_name,
     owner_of,
 )
+from gaitopt.gait.drive import Commands
 from gaitopt.robot.trajectory import Trajectory
 
 _LINK_SHARE = 0.05

@@ -8,14 +8,16 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from gaitopt.core.statistics import NORMAL_95
 from gaitopt.diagnose.diagnosis import Diagnosis, TrialGap
 from gaitopt.diagnose.fit.fitting import TrialSet
-from gaitopt.diagnose.gap.align import Aligned, is_marker
+from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.where import COMPONENTS
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.precision import intervals
 from gaitopt.report.figures.plots import BEST_COLOUR, COLOURS, finish, legend_below, plain_ticks
+from gaitopt.robot.signals import is_marker
 
 _WIDTH = 6.0
 """Inches, as of the other figures."""
@@ -115,7 +117,7 @@ def ranking(found: Causes) -> Figure:
     axes.barh(
         places,
         [firsts[name] / rows for name in names],
-        xerr=[1.645 * errors[name] / rows for name in names],
+        xerr=[NORMAL_95 * errors[name] / rows for name in names],
         color=[_RANK_COLOURS.get(name, BEST_COLOUR if name == best.label else COLOURS[0]) for name in names],
         height=0.65,
     )

@@ -1,0 +1,40 @@
+"""Names of signals: ``KIND.NAME``, such as ``marker.x`` or ``joint.mid_left``."""
+
+from __future__ import annotations
+
+AXES = "xyz"
+
+MARKER = ("marker.x", "marker.y", "marker.z")
+"""The marker's coordinates in the world, m."""
+
+UNITS = {
+    "marker": "m",
+    "heading": "",
+    "target": "rad",
+    "position": "rad",
+    "rate": "rad_s",
+    "torque": "n_m",
+    "joint": "rad",
+    "load": "n",
+    "pad_speed": "m_s",
+    "contacts": "",
+    "contacts_all": "",
+    "depth": "m",
+}
+"""Unit of each kind of signal, the part of its name before the dot, as a column suffix."""
+
+
+def is_marker(signal: str) -> bool:
+    """Return whether a signal is a coordinate of the marker, in m."""
+    return signal.startswith("marker.")
+
+
+def joint_signal(joint: str) -> str:
+    """Return the signal of a joint's angle, in rad."""
+    return f"joint.{joint}"
+
+
+def column_of(signal: str) -> str:
+    """Return the name of a signal's column in a CSV file, with its unit as suffix."""
+    unit = UNITS[signal.partition(".")[0]]
+    return f"{signal}_{unit}" if unit else signal
