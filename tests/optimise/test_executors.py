@@ -19,13 +19,14 @@ from helpers import ROBOTS, edited, problem_folder, same_numbers
 from gaitopt.cli import app as cli
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import Stream
+from gaitopt.core.versions import versions_text
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator, Outcome, assess
 from gaitopt.optimise.executors import ProcessExecutor, SerialExecutor, open_executor
 from gaitopt.optimise.study import quasi_random
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.simulation.setup import RobotSetup, versions
+from gaitopt.simulation.setup import RobotSetup
 
 TETRAHEDRON = b"v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 
@@ -123,7 +124,8 @@ def test_a_worker_of_another_version_is_refused(strider: Problem) -> None:
     with pytest.raises(GaitoptError) as error:
         assess(other, gaits(strider)[0], 0)
     assert (
-        str(error.value) == f"--executor: found a worker with {versions()}; allowed: gaitopt 0.0.1, as here"
+        str(error.value)
+        == f"--executor: found a worker with {versions_text()}; allowed: gaitopt 0.0.1, as here"
     )
 
 
