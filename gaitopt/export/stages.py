@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.effects.effect import Commands
 from gaitopt.export.gait_player import DUTY_BITS, WALKING, Player, duty
+from gaitopt.gait.drive import Commands
 from gaitopt.gait.table import GaitTable, sampled_deg
 from gaitopt.problem.model import start_targets
 from gaitopt.problem.problem import Problem

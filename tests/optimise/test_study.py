@@ -11,12 +11,13 @@ import pytest
 from helpers import still
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.statistics import interval90
 from gaitopt.core.streams import Stream
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.run import Optimised, Request, optimise
 from gaitopt.optimise.study import METHODS, Progress
-from gaitopt.optimise.verification import Verified, interval90, scenarios_of
+from gaitopt.optimise.verification import Verified, scenarios_of
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.results import RunFolder, summary_of, to_json
 from gaitopt.simulation.objective import Evaluation
