@@ -87,7 +87,8 @@ def film(
     problem: Problem, gaits: Sequence[Gait | str], path: Path | str, seconds: float | None = None
 ) -> Path:
     """Film gaits side by side: ``.mp4``, ``.gif`` or ``.webp``."""
-    from gaitopt.report.film.video import film_length, take, write_film
+    from gaitopt.report.film.film import film_length, write_film
+    from gaitopt.report.film.take import take
 
     found = [_gait(problem, gait) for gait in gaits]
     simulator, length = Simulator.build(problem), seconds or film_length(found)

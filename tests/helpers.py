@@ -69,15 +69,16 @@ def same_numbers(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
 
 
 def brief_studies() -> list[tuple[ModuleType, str, object]]:
-    """What to set in which module so that plans have few starts, studies few samples, figures few pixels."""
+    """What to set in which module so that jobs are brief: few starts, samples, pictures and pixels."""
     from gaitopt.diagnose import correction  # which most tests have no need to load
     from gaitopt.diagnose.judge import experiment
     from gaitopt.optimise import run as search
     from gaitopt.plan import plan  # which most tests have no need to load
-    from gaitopt.report import page  # which most tests have no need to load
+    from gaitopt.report import settings  # which most tests have no need to load
     from gaitopt.simulation import check  # which most tests have no need to load
 
     brief = functools.partial(plan.PlanSettings, n_samples=6, n_starts=(2, 1, 1), iterations=8)
+    jerky = settings.FilmSettings(fps=2.0, loop_rates=(2.0,))
     return [
         *((module, "PlanSettings", brief) for module in (plan, search, correction)),
         (search, "_SAMPLE", 4),
@@ -85,5 +86,5 @@ def brief_studies() -> list[tuple[ModuleType, str, object]]:
         (experiment, "_FINALISTS", 1),
         (correction, "_STARTS", (2, 1, 1)),
         (check, "_STARTS", 2),
-        (page, "_DPI", 40),
+        (settings, "DEFAULT", settings.ReportSettings(dpi=40, film=jerky)),
     ]

@@ -580,12 +580,12 @@ def _simulate(options: argparse.Namespace) -> None:
     metrics = measure(problem, gait, trajectory, Robot.of(simulator.models[0]))
     row = {"name": gait.name, "period_s": gait.period_s, "status": trajectory.status} | metrics
     if options.video is not None:
-        from gaitopt.report.film.video import write_film
+        from gaitopt.report.film.film import write_film
 
         write_film(options.video, filmed, end=options.seconds)
     _print_rows([row], options.json)
     if options.view:
-        from gaitopt.report.film.video import view
+        from gaitopt.report.film.viewer import view
 
         view(filmed[0])
 
@@ -595,12 +595,12 @@ def _check_film_options(options: argparse.Namespace) -> None:
         if getattr(options, name) is not None and options.video is None:
             raise GaitoptError(f"--{name}: found no --video to go with it")
     if options.video is not None:
-        from gaitopt.report.film.video import check_film
+        from gaitopt.report.film.film import check_film
 
         _positive("seconds", options.seconds)
         check_film(options.video)
     if options.view:
-        from gaitopt.report.film.video import check_screen
+        from gaitopt.report.film.viewer import check_screen
 
         check_screen()
 
@@ -609,7 +609,8 @@ def _takes(options: argparse.Namespace, simulator: Any, gait: Gait) -> list[Any]
     """Return what a film shows, from left to right; nothing where none is asked for."""
     if options.video is None and not options.view:
         return []
-    from gaitopt.report.film.video import film_length, take, take_beside
+    from gaitopt.report.film.film import film_length
+    from gaitopt.report.film.take import take, take_beside
 
     gaits = [gait]
     if options.beside is not None:

@@ -206,7 +206,8 @@ def _film(
     folder: Path, problem: Problem, corrected: Problem | None, diagnosis: Diagnosis
 ) -> tuple[list[Section], list[str]]:
     """Film the trial with the largest gap beside the measured marker; where that cannot be, say why."""
-    from gaitopt.report.film.video import take_beside, write_film
+    from gaitopt.report.film.film import write_film
+    from gaitopt.report.film.take import take_beside
 
     trial = max(diagnosis.trials, key=_worst).aligned.trial
     robots = {"nominal": problem} | ({"corrected": corrected} if corrected else {})

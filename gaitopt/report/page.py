@@ -15,10 +15,8 @@ from markupsafe import Markup, escape
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
+from gaitopt.report import settings as defaults
 from gaitopt.runs.results import write_into
-
-_DPI = 240
-"""Of a figure 6 inches wide: enough for print."""
 
 _UNIT = r"mm/s|mm|m/s|ms|m|s|°/s|°|rad/s|rad|N m|Hz|gaits|times"
 
@@ -147,7 +145,7 @@ def folded(section: Section) -> Section:
 def png(figure: Figure) -> bytes:
     """Return a figure as a PNG file for print; the same figure gives the same bits."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
+    figure.savefig(buffer, format="png", dpi=defaults.DEFAULT.dpi, metadata={"Software": None})
     plt.close(figure)  # of figures that pyplot keeps
     return buffer.getvalue()
 

@@ -16,6 +16,7 @@ from gaitopt.optimise.run import Optimised
 from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, Sensitivity
 from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Objective, Problem
+from gaitopt.report import settings as defaults
 from gaitopt.report.figures import plots
 from gaitopt.report.page import (
     Page,
@@ -33,9 +34,6 @@ from gaitopt.runs.results import RunFolder, new_folder, to_json, write_into
 from gaitopt.simulation.check import REMEDIES
 from gaitopt.simulation.metrics import METRICS
 from gaitopt.simulation.rollout import Simulator
-
-_LOOP_S = 3.0
-"""A film in a report shows whole cycles that last at least this long."""
 
 Pictures = dict[str, Picture]
 
@@ -209,7 +207,8 @@ def film_section(
     folder: Path, simulator: Simulator, optimised: Optimised, summary: Mapping[str, Any]
 ) -> tuple[list[Section], list[str]]:
     """Film the winner beside the fastest baseline; where that cannot be, say why."""
-    from gaitopt.report.film.video import take, write_film
+    from gaitopt.report.film.film import write_film
+    from gaitopt.report.film.take import take
 
     gaits = [optimised.best.gait]
     if summary["baselines"]:
@@ -217,7 +216,7 @@ def film_section(
         gaits.append(simulator.problem.baselines[fastest["name"]])
     period = max(gait.period_s for gait in gaits)
     begin = simulator.problem.simulation.horizon.transient_s
-    end = begin + period * max(1, round(_LOOP_S / period))
+    end = begin + period * max(1, round(defaults.DEFAULT.film_s / period))
     try:
         takes = [take(simulator, gait, end) for gait in gaits]
         path = write_into(folder, "figures/walk.webp", lambda file: write_film(file, takes, begin, end))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from helpers import STRIDER
 from matplotlib import pyplot as plt
+from pictures import needs_opengl
 
 from gaitopt.cli import app as cli
 from gaitopt.cli.completion import SHELLS, completion_script
@@ -21,7 +22,6 @@ from gaitopt.optimise.study import Progress
 from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import plots
-from gaitopt.report.film.video import opengl_is_missing
 from gaitopt.report.page import typeset
 from gaitopt.simulation.rollout import Simulator
 
@@ -67,7 +67,7 @@ def test_a_used_folder_is_refused_before_anything_is_computed(tmp_path: Path) ->
     assert [path.name for path in tmp_path.iterdir()] == ["notes"]
 
 
-@pytest.mark.skipif(opengl_is_missing(), reason="no OpenGL: apt install libegl1 libosmesa6")
+@needs_opengl
 def test_a_full_report_has_a_film_and_sensitivities(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     assert (

@@ -19,6 +19,7 @@ from pathlib import Path
 import matplotlib
 import pytest
 from helpers import brief_studies
+from pictures import needs_opengl
 from planting import dataset, filmed
 
 from gaitopt.cli import app as cli
@@ -28,8 +29,6 @@ from gaitopt.core.files import write_text
 from gaitopt.optimise.run import Request
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.report import diagnosis_report
-from gaitopt.report.film import video
-from gaitopt.report.film.video import opengl_is_missing
 from gaitopt.simulation.rollout import Simulator
 
 ROOT = Path(__file__).parents[2]
@@ -41,8 +40,6 @@ PART = re.compile(
 )
 SETTING_UP = "python3 -m venv"
 
-needs_opengl = pytest.mark.skipif(opengl_is_missing(), reason="no OpenGL: apt install libegl1 libosmesa6")
-
 
 @pytest.fixture
 def workplace(
@@ -51,8 +48,6 @@ def workplace(
     """A folder in which the bundled names mean quick copies; plans have few starts, films few pictures."""
     for module, name, value in brief_studies():
         monkeypatch.setattr(module, name, value)
-    monkeypatch.setattr(video, "FPS", 2.0)
-    monkeypatch.setattr(video, "LOOP_RATES", (2.0,))
     few = functools.partial(diagnosis_report.diagnose, among=["ground_slope", "camera_scale"])
     monkeypatch.setattr(diagnosis_report, "diagnose", few)
     monkeypatch.setattr(demo, "demo_problem", lambda: quick)

@@ -6,6 +6,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from pictures import needs_opengl
 from PIL import Image
 from planting import dataset, filmed
 
@@ -13,27 +14,19 @@ from gaitopt.cli import app as cli
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.problem.problem import Problem
-from gaitopt.report.film import video
+from gaitopt.report.film.film import film_length, frames, loop_rate, write_film
 from gaitopt.report.film.ghost import trial_of
-from gaitopt.report.film.video import (
-    FPS,
-    LOOP_SIZE,
-    SIZE,
-    film_length,
-    frames,
-    loop_rate,
-    opengl_is_missing,
-    take,
-    take_beside,
-    write_film,
-)
+from gaitopt.report.film.gl import open_context
+from gaitopt.report.film.take import Take, take, take_beside
+from gaitopt.report.settings import FilmSettings
 from gaitopt.simulation.rollout import Simulator
 
-needs_opengl = pytest.mark.skipif(opengl_is_missing(), reason="no OpenGL: apt install libegl1 libosmesa6")
+SMALL = FilmSettings(size=(160, 90), fps=10.0, loop_size=(80, 46), loop_rates=(10.0, 12.5, 20.0))
+"""Films of few small pictures."""
 
 
 @pytest.fixture(scope="module")
-def takes(strider: Problem) -> list[video.Take]:
+def takes(strider: Problem) -> list[Take]:
     simulator = Simulator.build(strider)
     return [take(simulator, gait, 1.0) for gait in strider.baselines.values()]
 
@@ -59,7 +52,7 @@ def test_a_film_lasts_whole_cycles(strider: Problem) -> None:
 
 
 @needs_opengl
-def test_the_robot_is_in_the_picture_and_moves(takes: list[video.Take]) -> None:
+def test_the_robot_is_in_the_picture_and_moves(takes: list[Take]) -> None:
     first, last = (
         np.asarray(picture, float) for picture in frames(takes[:1], np.array([0.0, 0.4]), (320, 180))
     )
@@ -70,7 +63,7 @@ def test_the_robot_is_in_the_picture_and_moves(takes: list[video.Take]) -> None:
 
 
 @needs_opengl
-def test_two_robots_stand_side_by_side(takes: list[video.Take]) -> None:
+def test_two_robots_stand_side_by_side(takes: list[Take]) -> None:
     both = next(frames(takes, np.array([0.3]), (160, 90)))
     alone = [next(frames([shown], np.array([0.3]), (160, 90))) for shown in takes]
     assert both.size == (320, 90)
@@ -79,25 +72,26 @@ def test_two_robots_stand_side_by_side(takes: list[video.Take]) -> None:
 
 
 @needs_opengl
-def test_an_mp4_has_its_length_and_size(takes: list[video.Take], tmp_path: Path) -> None:
-    write_film(tmp_path / "walk.mp4", takes[:1], end=0.4)
+def test_an_mp4_has_its_length_and_size(takes: list[Take], tmp_path: Path) -> None:
+    write_film(tmp_path / "walk.mp4", takes[:1], end=0.4, settings=SMALL)
     with av.open(tmp_path / "walk.mp4") as container:
         stream = container.streams.video[0]
-        assert (stream.codec_context.name, stream.average_rate) == ("h264", FPS)
+        assert (stream.codec_context.name, stream.average_rate) == ("h264", SMALL.fps)
         pictures = list(container.decode(stream))
-    assert len(pictures) == round(0.4 * FPS)
-    assert (pictures[0].width, pictures[0].height) == SIZE
+    assert len(pictures) == round(0.4 * SMALL.fps)
+    assert (pictures[0].width, pictures[0].height) == SMALL.size
 
 
 @needs_opengl
 @pytest.mark.parametrize("suffix", ["gif", "webp"])
-def test_a_loop_plays_for_ever(takes: list[video.Take], tmp_path: Path, suffix: str) -> None:
-    write_film(tmp_path / f"walk.{suffix}", takes, end=0.5)
+def test_a_loop_plays_for_ever(takes: list[Take], tmp_path: Path, suffix: str) -> None:
+    write_film(tmp_path / f"walk.{suffix}", takes, end=0.5, settings=SMALL)
     with Image.open(tmp_path / f"walk.{suffix}") as loop:
-        assert loop.size == (2 * LOOP_SIZE[0], LOOP_SIZE[1])
-        assert loop.n_frames == round(0.5 * loop_rate(takes))
+        assert loop.size == (2 * SMALL.loop_size[0], SMALL.loop_size[1])
+        rate = loop_rate(takes, SMALL)
+        assert loop.n_frames == round(0.5 * rate)
         loop.load()
-        assert (loop.info["loop"], loop.info["duration"]) == (0, round(1000 / loop_rate(takes)))
+        assert (loop.info["loop"], loop.info["duration"]) == (0, round(1000 / rate))
 
 
 @needs_opengl
@@ -191,13 +185,18 @@ def test_what_cannot_be_filmed_is_one_line(
 
 
 def test_without_opengl_the_package_is_named(
-    takes: list[video.Take], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    takes: list[Take], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(name: str) -> object:
-        raise ImportError(name)
-
-    monkeypatch.setattr(video, "_load_back_end", broken)
-    monkeypatch.setattr(video, "_forget_back_end", lambda name, named: None)
-    with pytest.raises(GaitoptError, match="apt install libegl1"):
+    monkeypatch.setenv("MUJOCO_GL", "nonesuch")
+    with pytest.raises(GaitoptError, match=r"apt install libegl1.*MUJOCO_GL is 'nonesuch'"):
         write_film(tmp_path / "walk.mp4", takes, end=0.1)
     assert not list(tmp_path.iterdir())
+
+
+@needs_opengl
+def test_a_back_end_that_fails_does_not_stop_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as wrong:
+        wrong.setenv("MUJOCO_GL", "nonesuch")
+        with pytest.raises(GaitoptError):
+            open_context(8, 8)
+    open_context(8, 8).free()
