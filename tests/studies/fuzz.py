@@ -1,6 +1,6 @@
 """The long fuzz: thousands of broken and hostile inputs, each of which must end in success or one clear line.
 
-The cases are those of ``tests/fuzzing.py``. They run in a process of their own under a limit on memory and
+The cases are those of ``tests/fuzzing``. They run in a process of their own under a limit on memory and
 one on the time of each case, so that a crash of the interpreter or a hang inside a library is a figure in
 the table and not the end of the study.
 

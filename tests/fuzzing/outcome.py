@@ -1,0 +1,144 @@
+"""How a case ended, and what must hold of it: success or one clear line, and no harm to any file."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import signal
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from unittest import mock
+
+from helpers import brief_studies
+
+from gaitopt.cli import app as cli
+from gaitopt.core.errors import GaitoptError
+
+LIMIT_S = 20.0
+"""A case that takes longer hangs; on a free core one takes a hundredth of a second."""
+
+WHOLE_LIMIT_S = 300.0
+"""The same for a whole run of a command, with its figures and its page."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One attempt: a command line, or a reader called directly, with files in `folder`."""
+
+    arguments: list[str] = field(default_factory=list)
+    call: Callable[[], object] | None = None
+    may_change: tuple[str, ...] = ()
+    limit_s: float = LIMIT_S
+
+    @property
+    def brief(self) -> bool:
+        """Whether it is a whole run, whose studies are to have few samples."""
+        return self.limit_s > LIMIT_S
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a case ended: ``done``, ``stated``, ``usage``, or what is wrong, with the words of the line."""
+
+    ended: str
+    words: str = ""
+
+    @property
+    def wrong(self) -> bool:
+        return self.ended not in ("done", "stated", "usage")
+
+
+class TooLongError(BaseException):
+    """The limit on a case's time; no command may catch it."""
+
+
+@contextlib.contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise TooLongError
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def attempt(case: Case, folder: Path) -> Outcome:
+    """Run a case in its folder, the working directory, and say how it ended."""
+    before = contents(folder)
+    out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="\n")
+    err = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", errors="backslashreplace", newline="\n")
+    try:
+        with (
+            brief_run() if case.brief else contextlib.nullcontext(),
+            limited(case.limit_s),
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+            warnings.catch_warnings(),
+        ):
+            warnings.simplefilter("always")  # a warning on standard error is a line too many
+            code = cli.main(case.arguments) if case.call is None else called(case.call)
+    except TooLongError:
+        return Outcome("hang")
+    except BaseException:
+        return Outcome("traceback", traceback.format_exc())
+    err.flush()
+    said = err.buffer.getvalue().decode()  # type: ignore[attr-defined]
+    lines = said.removesuffix("\n").split("\n") if said else []
+    if code not in (0, 1, 2):
+        return Outcome(f"exit {code}", said)
+    if len(lines) != (code != 0) or not all(line.startswith("gaitopt: ") and line.strip() for line in lines):
+        return Outcome("not one line", said)
+    wrong = wrong_files(before, contents(folder), code, case.may_change)
+    if wrong:
+        return Outcome("files", wrong)
+    return Outcome(("done", "stated", "usage")[code], said.strip())
+
+
+@contextlib.contextmanager
+def brief_run() -> Iterator[None]:
+    with contextlib.ExitStack() as stack:
+        for module, name, value in brief_studies():
+            stack.enter_context(mock.patch.object(module, name, value))
+        yield
+
+
+def called(call: Callable[[], object]) -> int:
+    """Call a reader as the command line would."""
+    try:
+        call()
+    except GaitoptError as problem:
+        print(f"gaitopt: {problem}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def wrong_files(
+    before: dict[str, bytes], after: dict[str, bytes], code: int, may_change: tuple[str, ...]
+) -> str:
+    """Return what a command did to files that it must not have done, or nothing."""
+    for name, data in before.items():
+        if name.split("/")[0] not in may_change and after.get(name) != data:
+            return f"{name} was {'changed' if name in after else 'removed'}"
+        if code and name.startswith("out") and after.get(name) != data:
+            return f"{name} was overwritten by a command that failed"
+    new = [name for name in after if name not in before]
+    half = [name for name in new if re.search(r"(^|/)\.[^/]+\.[a-z0-9_]{8}(\.|$|/)", name)]
+    if half:
+        return f"{half[0]} is half-written"
+    if code and [name for name in new if name.split("/")[0] not in may_change]:
+        return f"{new[0]} was left by a command that failed"
+    return ""
