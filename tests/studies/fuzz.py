@@ -220,7 +220,7 @@ def page(report: dict) -> str:
         "",
         "Made by `python tests/studies/fuzz.py --out results/fuzz` with "
         f"{' and with '.join(report['made'].values())} on a busy core. What earlier runs found is in the "
-        "changelog; each of it has a test in `tests/test_hostile.py`.",
+        "changelog; each of it has a test in `tests/whole/`.",
         "",
         "| input | cases | success | one line, exit 1 | one line, exit 2 | otherwise | total [s] "
         "| longest [s] |",

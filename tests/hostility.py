@@ -1,0 +1,50 @@
+"""What tests of hostile files share."""
+
+import ast
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pytest
+from helpers import STRIDER, edited, problem_folder
+
+import gaitopt
+from gaitopt.cli import app as cli
+from gaitopt.core.errors import GaitoptError
+from gaitopt.problem.problem import Problem, load_problem
+
+PACKAGE = Path(gaitopt.__file__).parent
+CUBE = b"v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+
+
+def refused(call: Callable[[], object]) -> str:
+    """What the error says: a line."""
+    with pytest.raises(GaitoptError) as caught:
+        call()
+    text = str(caught.value)
+    assert text.isprintable()
+    assert len(text) < 3000
+    return text
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
+    """Run a command in this process; return its exit code and what it said on standard error."""
+    capsys.readouterr()
+    code = cli.main([str(argument) for argument in arguments])
+    err = capsys.readouterr().err
+    assert err.count("\n") == (code != 0)
+    return code, err
+
+
+def with_element(folder: Path, element: str, where: str = "</worldbody>") -> Problem:
+    problem_folder(folder, STRIDER)
+    edited(folder / "strider.xml", where, where + element)
+    return load_problem(folder)
+
+
+@cache
+def trees() -> list[tuple[str, ast.Module]]:
+    """Every source file of the package, parsed."""
+    paths = sorted(PACKAGE.rglob("*.py"))
+    assert len(paths) > 60
+    return [(str(path), ast.parse(path.read_text())) for path in paths]
