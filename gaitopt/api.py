@@ -27,8 +27,9 @@ from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import DEFAULT_BUDGET, Optimised, Request
 from gaitopt.optimise.run import optimise as _optimise
 from gaitopt.optimise.study import Progress
-from gaitopt.problem.model import Robot, carrying
+from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.runs.results import RunFolder, summary_of
 from gaitopt.simulation.check import Finding, check

@@ -10,7 +10,8 @@ import tomli_w
 
 from gaitopt.core.files import csv_text
 from gaitopt.effects.active import Values
-from gaitopt.problem.problem import Fidelity, Problem
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Fidelity
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Scenario, Simulator
 

@@ -25,8 +25,10 @@ from gaitopt.diagnose.gap.align import square_apart
 from gaitopt.diagnose.judge.small_errors import perturbed_robots, with_small_errors
 from gaitopt.effects.active import Values
 from gaitopt.gait.gait import Gait
+from gaitopt.problem.lookup import PROBLEM_FILE
 from gaitopt.problem.model import nominal_mjcf
-from gaitopt.problem.problem import PROBLEM_FILE, Fidelity, Problem
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Fidelity
 from gaitopt.robot.signals import MARKER, is_marker, joint_signal
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import NOMINAL, Scenario, Simulator

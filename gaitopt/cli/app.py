@@ -565,7 +565,7 @@ def _seed(value: int | None) -> int:
 
 def _simulate(options: argparse.Namespace) -> None:
     from gaitopt.core.files import write_text
-    from gaitopt.problem.model import Robot
+    from gaitopt.problem.robot import Robot
     from gaitopt.simulation.metrics import measure
     from gaitopt.simulation.rollout import Simulator
 

@@ -17,8 +17,8 @@ from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.solvers import cma_es
 from gaitopt.optimise.solvers.solution import Box
 from gaitopt.plan.plan import Planner, PlanSettings
-from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.robot import Robot
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import NOMINAL, Simulator
 from gaitopt.simulation.setup import RobotSetup

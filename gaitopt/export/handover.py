@@ -22,8 +22,8 @@ from gaitopt.export.limits import Lag, check_wiring, clipped, lags, pin_warnings
 from gaitopt.export.replay import Replay, replay
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.table import SAMPLES, GaitTable
-from gaitopt.problem.model import start_targets
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.start import start_targets
 
 _MAX_PERIOD_S = 4294.0
 """Longest period that a clock of 32 bits counts in microseconds."""

@@ -16,8 +16,8 @@ from gaitopt.export.gait_player import RAMP_US
 from gaitopt.export.stages import command_stages
 from gaitopt.gait.drive import Commands
 from gaitopt.gait.table import GaitTable
-from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.robot import Robot
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Scenario, Simulator
 

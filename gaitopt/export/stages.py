@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from gaitopt.export.gait_player import DUTY_BITS, WALKING, Player, duty
 from gaitopt.gait.drive import Commands
 from gaitopt.gait.table import GaitTable, sampled_deg
-from gaitopt.problem.model import start_targets
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.start import start_targets
 
 _EDGE = 1e-9
 """Share of a frame: a time this close before a frame counts as in it."""

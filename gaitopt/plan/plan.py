@@ -26,7 +26,8 @@ from gaitopt.plan.planar import (
     Vector,
 )
 from gaitopt.problem.model import build_model
-from gaitopt.problem.problem import Planar, Problem
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Planar
 
 Index = list[int]
 

@@ -18,8 +18,10 @@ import numpy as np
 from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.core.files import write_text
 from gaitopt.core.folders import check_new_or_empty, filling
-from gaitopt.problem.model import compile_mjcf, named_files, nominal_mjcf, read_mjcf
-from gaitopt.problem.problem import PROBLEM_FILE, load_problem
+from gaitopt.problem.lookup import PROBLEM_FILE
+from gaitopt.problem.mjcf import compile_mjcf, named_files, read_mjcf
+from gaitopt.problem.model import nominal_mjcf
+from gaitopt.problem.problem import load_problem
 from gaitopt.robot.contact import can_touch_ground
 
 _NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"

@@ -14,8 +14,9 @@ from gaitopt.gait.gait import Gait
 from gaitopt.optimise.ladder import TRUSTED
 from gaitopt.optimise.run import Optimised
 from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, Sensitivity
-from gaitopt.problem.model import Robot
-from gaitopt.problem.problem import Objective, Problem
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Objective
+from gaitopt.problem.robot import Robot
 from gaitopt.report import settings as defaults
 from gaitopt.report.figures import plots
 from gaitopt.report.page import (

@@ -26,8 +26,9 @@ from gaitopt.optimise.journal import gait_columns
 from gaitopt.optimise.pareto import FrontGait, speed, transport
 from gaitopt.optimise.run import Optimised, Request
 from gaitopt.optimise.verification import Verified
+from gaitopt.problem.lookup import PROBLEM_FILE
 from gaitopt.problem.model import model_assets, nominal_mjcf
-from gaitopt.problem.problem import PROBLEM_FILE, Problem, load_problem
+from gaitopt.problem.problem import Problem, load_problem
 
 RUNS = Path("results") / "runs"
 """Where run folders go by default; git ignores it."""

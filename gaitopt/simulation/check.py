@@ -12,8 +12,11 @@ import numpy as np
 
 from gaitopt.core.statistics import NORMAL_95
 from gaitopt.gait.gait import Gait
-from gaitopt.problem.model import Robot, build_model, start_targets
-from gaitopt.problem.problem import Fidelity, Problem
+from gaitopt.problem.model import build_model
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Fidelity
+from gaitopt.problem.robot import Robot
+from gaitopt.problem.start import start_targets
 from gaitopt.robot.contact import can_touch, ground_geoms, mixed_friction
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import measure

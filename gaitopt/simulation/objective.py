@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gaitopt.core.errors import unknown_name
-from gaitopt.problem.problem import Constraint, Problem
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Constraint
 from gaitopt.simulation.metrics import METRICS, Metrics, mean_metrics
 
 FAILED_COST = 1e6

@@ -19,15 +19,11 @@ from gaitopt.effects.active import RobotEffects, control_columns, with_added
 from gaitopt.effects.effect import LOOP_INTERVAL_S
 from gaitopt.gait.drive import Commands
 from gaitopt.gait.gait import Gait
-from gaitopt.problem.model import (
-    START,
-    build_instrumented,
-    scalar_joints,
-    settled,
-    start_targets,
-    with_fidelity,
-)
-from gaitopt.problem.problem import Fidelity, Problem
+from gaitopt.problem.instruments import build_instrumented, scalar_joints
+from gaitopt.problem.model import with_fidelity
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Fidelity
+from gaitopt.problem.start import START, settled, start_targets
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.effort import counters, mean_work, resting_work
 
@@ -116,14 +112,15 @@ class Simulator:
             GaitoptError: the model does not compile or does not fit the problem, or an effect does not
                 apply to it.
         """
-        model, signals, effects = build_instrumented(problem)
+        robot = build_instrumented(problem)
+        model, effects = robot.model, robot.effects
         if effects.changes_robot:
             _start_at_rest(model, problem, effects)
         model = with_fidelity(model, fidelity or problem.simulation.working)
         models = tuple(_scenario_model(model, problem, scenario, effects) for scenario in scenarios)
         fidelity = fidelity or problem.simulation.working
         return Simulator(
-            problem, fidelity, tuple(scenarios), models, tuple(signals), effects, threading.local()
+            problem, fidelity, tuple(scenarios), models, robot.signals, effects, threading.local()
         )
 
     def __getstate__(self) -> dict[str, Any]:

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.versions import versions_text
-from gaitopt.problem.model import Robot, carrying
-from gaitopt.problem.problem import Fidelity, Problem
+from gaitopt.problem.model import carrying
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Fidelity
+from gaitopt.problem.robot import Robot
 from gaitopt.simulation.rollout import Scenario, Simulator
 
 _KEPT = 8

@@ -9,8 +9,8 @@ import pytest
 import rigs
 from scipy.optimize import least_squares
 
-from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 

@@ -24,8 +24,8 @@ from gaitopt.export.replay import Replay
 from gaitopt.export.stages import command_stages, duty_us, sent_pulses
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.gait.table import GaitTable, read_table
-from gaitopt.problem.model import start_targets
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.start import start_targets
 
 UNHURT = Replay(1.0, 1.0, 0.0, (0.0, 0.0), {})
 

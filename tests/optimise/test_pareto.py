@@ -20,8 +20,8 @@ from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.run import Request, optimise
 from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, sensitivities
 from gaitopt.optimise.verification import scenarios_of
-from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.robot import Robot
 from gaitopt.runs.results import summary_of
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.objective import Evaluation

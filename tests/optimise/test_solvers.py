@@ -11,8 +11,9 @@ from gaitopt.gait.gait import Gait
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.solvers import cma_es, nelder_mead
 from gaitopt.optimise.solvers.solution import Box, Stop
-from gaitopt.problem.model import Robot
-from gaitopt.problem.problem import ChannelBounds, Problem, ProblemFile
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import ChannelBounds, ProblemFile
+from gaitopt.problem.robot import Robot
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Simulator
 

@@ -8,8 +8,9 @@ from helpers import STRIDER
 from gaitopt.cli import app as cli
 from gaitopt.core.errors import GaitoptError
 from gaitopt.problem.draft import make_problem
-from gaitopt.problem.model import Robot, nominal_mjcf
+from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.robot import Robot
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Simulator
 

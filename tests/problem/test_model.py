@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 from helpers import STRIDER, same_bits, still
 
-from gaitopt.problem.model import Robot, build_model, nominal_mjcf, start_targets
-from gaitopt.problem.problem import Fidelity, Problem, load_problem
+from gaitopt.problem.model import build_model, nominal_mjcf
+from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.records import Fidelity
+from gaitopt.problem.robot import Robot
+from gaitopt.problem.start import start_targets
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Scenario, Simulator
 

@@ -8,8 +8,9 @@ from helpers import STRIDER, edited, problem_folder, still
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.gait.gait import Gait, write_gait
+from gaitopt.problem.lookup import bundled_problems
 from gaitopt.problem.model import build_model
-from gaitopt.problem.problem import Problem, bundled_problems, load_problem
+from gaitopt.problem.problem import Problem, load_problem
 
 # --- where a problem is found -----------------------------------------------------------------
 

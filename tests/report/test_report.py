@@ -19,8 +19,8 @@ from gaitopt.core.quantities import figure, label_of, shown, title_of
 from gaitopt.optimise.compare import _ratio
 from gaitopt.optimise.sensitivity import Sensitivity
 from gaitopt.optimise.study import Progress
-from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.robot import Robot
 from gaitopt.report.figures import plots
 from gaitopt.report.page import typeset
 from gaitopt.simulation.rollout import Simulator

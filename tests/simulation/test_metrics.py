@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
 from gaitopt.gait.gait import Channel, Gait
-from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import METRICS, axes, mean_metrics, measure
 from gaitopt.simulation.rollout import Scenario, Simulator

@@ -16,8 +16,10 @@ from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator, judge
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.verification import scenarios_of
-from gaitopt.problem.model import Robot, build_model, start_targets
+from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.robot import Robot
+from gaitopt.problem.start import start_targets
 from gaitopt.robot.signals import UNITS
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.objective import FAILED_COST

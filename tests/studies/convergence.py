@@ -31,8 +31,10 @@ from numpy.typing import NDArray
 
 from gaitopt.core.files import write_text, write_with
 from gaitopt.gait.gait import Channel, Gait
-from gaitopt.problem.model import Robot, nominal_mjcf
-from gaitopt.problem.problem import Fidelity, Horizon, Parameter, Problem, load_problem
+from gaitopt.problem.model import nominal_mjcf
+from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.records import Fidelity, Horizon, Parameter
+from gaitopt.problem.robot import Robot
 from gaitopt.report.figures.plots import COLOURS, STYLES
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import measure

@@ -18,8 +18,10 @@ import numpy as np
 from convergence import NOMINAL, Choice, Row, Table, contact_stiffness, figure, fingerprint
 from numpy.typing import NDArray
 
-from gaitopt.problem.model import START, Robot, build_model
+from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.robot import Robot
+from gaitopt.problem.start import START
 
 PULL = 0.2
 """Share of the robot's weight; the body's friction coefficient is 0.43."""

@@ -29,8 +29,9 @@ from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Outcome, judge
 from gaitopt.optimise.study import quasi_random
 from gaitopt.plan.plan import Planner
-from gaitopt.problem.model import START, Robot
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.robot import Robot
+from gaitopt.problem.start import START
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Simulator
 

@@ -38,8 +38,8 @@ from convergence import (
 from numpy.typing import NDArray
 
 from gaitopt.gait.gait import Gait
-from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.robot import Robot
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Simulator
 

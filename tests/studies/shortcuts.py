@@ -30,8 +30,8 @@ from gaitopt.optimise.evaluator import Outcome, judge
 from gaitopt.optimise.study import quasi_random
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.plan.plan import Planner
-from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Simulator

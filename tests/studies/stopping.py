@@ -36,8 +36,8 @@ from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator, Outcome
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Entry
-from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import axes, measure
 from gaitopt.simulation.objective import Evaluation

@@ -30,8 +30,9 @@ from scipy import signal
 
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import SerialExecutor
-from gaitopt.problem.model import START, build_model
+from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import load_problem
+from gaitopt.problem.start import START
 from gaitopt.simulation.rollout import NOMINAL, Simulator
 from gaitopt.simulation.setup import RobotSetup
 

@@ -21,7 +21,7 @@ from gaitopt.diagnose.gap.predict import predict_each
 from gaitopt.diagnose.record.cycles import Cycles, cycle_means, steady
 from gaitopt.diagnose.record.dataset import Trial
 from gaitopt.diagnose.record.defects import noise_of
-from gaitopt.problem.problem import Fidelity
+from gaitopt.problem.records import Fidelity
 from gaitopt.robot.signals import is_marker
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import NOMINAL, Scenario, Simulator

@@ -17,8 +17,8 @@ from gaitopt.gait.gait import Gait
 from gaitopt.optimise.journal import WORKING, Entry, at_rung
 from gaitopt.optimise.pareto import FrontGait, speed, transport
 from gaitopt.optimise.sensitivity import Sensitivity
-from gaitopt.problem.model import Robot
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.robot import Robot
 from gaitopt.robot.roles import Roles
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import LOADED

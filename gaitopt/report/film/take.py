@@ -12,7 +12,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.gap.predict import latest_gait_time
 from gaitopt.diagnose.record.dataset import Trial
 from gaitopt.gait.gait import Gait
-from gaitopt.problem.model import Robot
+from gaitopt.problem.robot import Robot
 from gaitopt.report.film.ghost import Ghost, ghost_of
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import measure

@@ -1,0 +1,128 @@
+"""The instruments of a robot: the sensors that metrics and diagnosis read, and the model with them."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+
+import mujoco
+
+from gaitopt.core.errors import GaitoptError
+from gaitopt.effects.active import RobotEffects, transferred
+from gaitopt.effects.effect import Parts, is_added
+from gaitopt.problem.model import assets_for, compile_for, nominal_mjcf
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.start import START
+from gaitopt.robot.signals import AXES, MARKER, joint_signal
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """One sensor: the signals it gives, in the order of its numbers; None for a number not kept."""
+
+    element: str
+    attributes: dict[str, str]
+    signals: tuple[str | None, ...]
+
+
+def instruments(problem: Problem, model: mujoco.MjModel) -> list[Instrument]:
+    """Return the sensors that metrics and diagnosis read, for any robot, from its roles."""
+    found = [
+        Instrument("framepos", {"objtype": "site", "objname": problem.roles.marker}, MARKER),
+        Instrument(
+            "framequat",
+            {"objtype": "xbody", "objname": model.body(1).name},
+            ("heading.w", "heading.x", "heading.y", "heading.z"),
+        ),
+        Instrument(
+            "contact", {"body2": "world", "reduce": "mindist", "data": "found dist"}, ("contacts", "depth")
+        ),
+        Instrument("contact", {"data": "found"}, ("contacts_all",)),
+    ]
+    for name in problem.channel_names:
+        found.append(Instrument("actuatorpos", {"actuator": name}, (f"position.{name}",)))
+        found.append(Instrument("actuatorvel", {"actuator": name}, (f"rate.{name}",)))
+        found.append(Instrument("actuatorfrc", {"actuator": name}, (f"torque.{name}",)))
+    for name in filter(None, (model.joint(i).name for i in scalar_joints(model))):
+        found.append(Instrument("jointpos", {"joint": name}, (joint_signal(name),)))
+    for pad in problem.roles.pads:
+        found.append(
+            Instrument(
+                "contact",
+                {"geom1": pad, "body2": "world", "reduce": "netforce", "data": "force"},
+                tuple(f"load.{pad}.{axis}" for axis in AXES),
+            )
+        )
+        found.append(
+            Instrument(
+                "framelinvel",
+                {"objtype": "geom", "objname": pad},
+                tuple(f"pad_speed.{pad}.{axis}" for axis in AXES),
+            )
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class InstrumentedRobot:
+    """A problem's robot with its sensors and its effects.
+
+    Attributes:
+        model: the model, with the parts that its effects need; `RobotEffects.edit` then makes it the robot
+            with effects. Its keyframe ``start`` is the nominal robot's.
+        signals: the signal in each place of ``sensordata``; None where it is not kept.
+        effects: the effects that change this robot or what is measured of it.
+    """
+
+    model: mujoco.MjModel
+    signals: tuple[str | None, ...]
+    effects: RobotEffects
+
+
+def build_instrumented(problem: Problem) -> InstrumentedRobot:
+    """Return a problem's robot with its sensors and its effects.
+
+    Raises:
+        GaitoptError: the MJCF is missing, broken, or does not fit the problem, or an effect does not
+            apply to it.
+    """
+    root = ET.fromstring(nominal_mjcf(problem))
+    signals = _add_sensors(root, problem)
+    nominal = compile_for(problem, root)
+    parts = Parts(nominal, problem.roles, problem.channel_names)
+    effects = RobotEffects.of(problem.effects, parts, problem.source)
+    if not effects.changes_robot:
+        return InstrumentedRobot(nominal, tuple(signals), effects)
+    assets = assets_for(problem, root)
+    spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"), assets=assets)
+    for key in list(spec.keys):
+        spec.delete(key)
+    effects.restructure(spec)
+    spec.add_key(name=START)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise GaitoptError(f"{problem.model_path}: with effects: {error}") from None
+    model.key_qpos[0] = transferred(nominal.keyframe(START).qpos, nominal, model)
+    unkept = [None] * (model.nsensordata - len(signals))
+    return InstrumentedRobot(model, (*signals, *unkept), effects)
+
+
+def _add_sensors(root: ET.Element, problem: Problem) -> list[str | None]:
+    """Replace an MJCF's sensors by the instruments; return the signal in each place of ``sensordata``."""
+    for element in root.findall("sensor"):
+        root.remove(element)
+    bare = compile_for(problem, root)
+    sensors = ET.SubElement(root, "sensor")
+    signals: list[str | None] = []
+    for instrument in instruments(problem, bare):
+        ET.SubElement(sensors, instrument.element, instrument.attributes)
+        signals.extend(instrument.signals)
+    return signals
+
+
+def scalar_joints(model: mujoco.MjModel) -> list[int]:
+    """Return the ids of the robot's own hinge and slide joints."""
+    scalar = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
+    own = [i for i in range(model.njnt) if not is_added(model.joint(i).name)]
+    return [i for i in own if int(model.jnt_type[i]) in scalar]

@@ -1,0 +1,54 @@
+"""Where problems lie: their files, the bundled ones, and the MJCF beside a problem file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from gaitopt.core.errors import GaitoptError, bad_value
+from gaitopt.core.files import inside
+
+PROBLEM_FILE = "problem.toml"
+
+
+def bundled_problems() -> Path:
+    """Return the folder of the problems that come with gaitopt, installed or in a checkout."""
+    here = Path(__file__).resolve().parent.parent
+    installed = here / "problems"
+    return installed if installed.is_dir() else here.parent / "problems"
+
+
+def problem_file(reference: str) -> Path:
+    """Return the problem file; an unrelated folder of the same name does not hide a bundled problem."""
+    path = Path(reference)
+    if (path / PROBLEM_FILE).is_file():
+        return path / PROBLEM_FILE
+    if path.is_file():
+        return path
+    bundled = bundled_problems()
+    if re.fullmatch(r"[A-Za-z0-9_.-]+", reference) and (bundled / reference / PROBLEM_FILE).is_file():
+        return bundled / reference / PROBLEM_FILE
+    if path.is_dir():
+        raise GaitoptError(f"{path}: no {PROBLEM_FILE} in this folder")
+    names = sorted(folder.parent.name for folder in bundled.glob(f"*/{PROBLEM_FILE}"))
+    raise GaitoptError(
+        f"{reference}: no such problem; allowed: a folder with {PROBLEM_FILE}, a problem TOML, "
+        f"or one of {', '.join(names)}"
+    )
+
+
+def model_file(problem_path: Path, name: str | None) -> Path:
+    folder = problem_path.parent
+    if name is not None:
+        path = inside(folder, name)
+        if path is None:
+            raise bad_value(problem_path, "model", name, "a file inside the problem's folder")
+        if not path.is_file():
+            raise GaitoptError(f"{problem_path}: model: {path}: no such file")
+        return path
+    found = sorted(folder.glob("*.xml"))
+    if len(found) != 1:
+        raise GaitoptError(
+            f"{folder}: found {len(found)} MJCF files (*.xml); allowed: exactly one, or `model`"
+        )
+    return found[0]

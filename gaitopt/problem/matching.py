@@ -1,0 +1,59 @@
+"""Whether a model matches its problem file: actuators, sites, geoms, joints and keyframe by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+
+from gaitopt.core.errors import GaitoptError, bad_value, nearest, unknown_name
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.start import START
+
+
+def check_matches(model: mujoco.MjModel, problem: Problem) -> None:
+    """Check that a model has all that the problem file names.
+
+    Raises:
+        GaitoptError: the channels are not the model's actuators in order, an actuator is no position servo,
+            a role names what the model lacks, or there is no keyframe or no body.
+    """
+    source = problem.source
+    actuators = [model.actuator(i).name for i in range(model.nu)]
+    for name in problem.channel_names:
+        if name not in actuators:
+            raise GaitoptError(
+                f"{source}: channels.{name}: {problem.model_path} has no actuator of this name; "
+                f"it has {', '.join(actuators) or 'none'}{nearest(name, actuators)}"
+            )
+    if problem.channel_names != actuators:
+        raise bad_value(
+            source,
+            "channels",
+            ", ".join(problem.channel_names),
+            f"the model's actuators in order: {', '.join(actuators)}",
+        )
+    for name in actuators:
+        if model.actuator(name).biastype[0] != mujoco.mjtBias.mjBIAS_AFFINE:
+            raise bad_value(
+                problem.model_path, f"actuator {name}", "not a position servo", "position actuators"
+            )
+    _check_names(source, "roles.marker", "site", [problem.roles.marker], _names(model, "site", model.nsite))
+    geoms = _names(model, "geom", model.ngeom)
+    _check_names(source, "roles.pads", "geom", problem.roles.pads, geoms)
+    _check_names(source, "roles.body", "geom", problem.roles.body, geoms)
+    _check_names(source, "roles.hinges", "joint", problem.roles.hinges, _names(model, "joint", model.njnt))
+    if not problem.file.start.settle and START not in _names(model, "key", model.nkey):
+        raise unknown_name(problem.model_path, "keyframe", START, _names(model, "key", model.nkey))
+    if model.nbody < 2:
+        raise GaitoptError(f"{problem.model_path}: no body under the world")
+
+
+def _names(model: mujoco.MjModel, kind: str, count: int) -> list[str]:
+    return [getattr(model, kind)(i).name for i in range(count)]
+
+
+def _check_names(source: object, key: str, what: str, asked: Sequence[str], known: Sequence[str]) -> None:
+    for name in asked:
+        if name not in known:
+            raise unknown_name(source, f"{what} in {key}:", name, [n for n in known if n])
