@@ -13,23 +13,22 @@ Cost: 20 min of two cores.
 from __future__ import annotations
 
 import argparse
-import csv
 import hashlib
-import io
 import math
 import time
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from kept_table import KeptTable, Row
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from gaitopt.core.files import write_text, write_with
+from gaitopt.core.files import write_with
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
@@ -79,8 +78,6 @@ LOOP_JOINTS = {
     "last_right": -0.5,
 }
 """Hinge angles as shares of that of ``mid_left``, where the Sarrus loop is closed."""
-
-Row = dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -133,50 +130,6 @@ OTHERS = (
 
 OTHERS_GAITS = ("square-1s", "square-0.5s")
 OTHERS_LEVELS = (LEVELS[0], LEVELS[2])
-
-
-class Table:
-    """A CSV file that grows row by row and keeps what an earlier run has written."""
-
-    def __init__(self, path: Path, keys: Sequence[str]):
-        """Read what is there.
-
-        Args:
-            path: the file.
-            keys: columns that together tell rows, or groups of rows, apart.
-        """
-        self.path = path
-        self.keys = keys
-        self.rows: list[Row] = []
-        if path.is_file():
-            with path.open(newline="", encoding="utf-8") as file:
-                self.rows = list(csv.DictReader(file))
-
-    def find(self, **key: str) -> list[Row]:
-        """Return the rows with these values."""
-        return [row for row in self.rows if all(row[name] == value for name, value in key.items())]
-
-    def fill(self, key: Row, make: Callable[[], Iterable[Row]]) -> list[Row]:
-        """Return the rows of a key; make them and write the file if they are not there."""
-        assert tuple(key) == tuple(self.keys)
-        found = self.find(**key)
-        if not found:
-            found = [key | row for row in make()]
-            same = {name: value for name, value in key.items() if name != "model"}
-            stale = self.find(**same)
-            self.rows = [row for row in self.rows if row not in stale] + found
-            self.write()
-            print(f"{self.path.name}: " + ", ".join(f"{k} {v}" for k, v in found[-1].items()), flush=True)
-        return found
-
-    def write(self) -> None:
-        """Write the file whole."""
-        text = io.StringIO()
-        columns = dict.fromkeys(name for row in self.rows for name in row)
-        writer = csv.DictWriter(text, columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self.rows)
-        write_text(self.path, text.getvalue())
 
 
 def fingerprint(problem: Problem) -> str:
@@ -253,9 +206,9 @@ def speeds(simulator: Simulator, gait: Gait, executor: Executor) -> Row:
     }
 
 
-def converge(out: Path, executor: Executor) -> Table:
+def converge(out: Path, executor: Executor) -> KeptTable:
     """Fill convergence.csv."""
-    table = Table(out / "convergence.csv", ("choice", "gait", "integrator", "timestep_s", "model"))
+    table = KeptTable(out / "convergence.csv", ("choice", "gait", "integrator", "timestep_s", "model"))
     for choice in (NOMINAL, *OTHERS):
         problem = choice.problem()
         levels = LEVELS if choice is NOMINAL else OTHERS_LEVELS
@@ -303,9 +256,9 @@ def growth(simulator: Simulator, nudged: Simulator, gait: Gait, executor: Execut
         }
 
 
-def part(out: Path, executor: Executor) -> Table:
+def part(out: Path, executor: Executor) -> KeptTable:
     """Fill chaos.csv."""
-    table = Table(out / "chaos.csv", ("gait", "integrator", "timestep_s", "model"))
+    table = KeptTable(out / "chaos.csv", ("gait", "integrator", "timestep_s", "model"))
     problem = NOMINAL.problem()
     model = fingerprint(problem)
     starts = Simulator.build(problem, perturbed())
@@ -323,7 +276,7 @@ def part(out: Path, executor: Executor) -> Table:
     return table
 
 
-def gait_names(table: Table) -> list[str]:
+def gait_names(table: KeptTable) -> list[str]:
     """Return the gaits of a table in their order, slowest first."""
     names = dict.fromkeys(row["gait"] for row in table.rows)
     return sorted(names, key=lambda name: (name == FAST.name, -_period(name)))
@@ -345,7 +298,7 @@ def _finish(axes: Axes, title: str, x: str, y: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def draw_convergence(table: Table, path: Path) -> None:
+def draw_convergence(table: KeptTable, path: Path) -> None:
     """Draw speed against timestep: mean, standard error, and the range of the starts."""
     gaits = gait_names(table)
     columns = 3
@@ -388,7 +341,7 @@ def draw_convergence(table: Table, path: Path) -> None:
 _DRAWN = ("timestep_s", "speed_mm_s", "speed_se_mm_s", "speed_min_mm_s", "speed_max_mm_s")
 
 
-def draw_growth(table: Table, path: Path) -> None:
+def draw_growth(table: KeptTable, path: Path) -> None:
     """Draw how far nudged pairs part in time, at the working and at the reference fidelity."""
     gaits = gait_names(table)
     levels = list(dict.fromkeys((row["integrator"], row["timestep_s"]) for row in table.rows))

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from convergence import NOMINAL, Choice, Row, Table, contact_stiffness, figure, fingerprint
+from convergence import NOMINAL, Choice, contact_stiffness, figure, fingerprint
+from kept_table import KeptTable, Row
 from numpy.typing import NDArray
 
 from gaitopt.problem.model import build_model
@@ -118,7 +119,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    table = Table(options.out / "creep.csv", ("contact", "pose", "model"))
+    table = KeptTable(options.out / "creep.csv", ("contact", "pose", "model"))
     for choice in CHOICES:
         problem = choice.problem()
         model = fingerprint(problem)

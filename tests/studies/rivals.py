@@ -71,7 +71,7 @@ class PlanarEvaluator:
     """Speed of the planar model's periodic motion, in the place of an `Evaluator`."""
 
     def __init__(self, problem: Problem):
-        self.setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
+        self.setup = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
         self._planner = Planner(problem)
         names = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
         self._unknown = dict.fromkeys(names, math.nan)
@@ -264,7 +264,7 @@ def without_surrogate(record: Recorded, seed: int) -> float:
 
 
 def _study(record: Recorded, seed: int, warm: bool) -> float:
-    problem = record.setting.problem
+    problem = record.setup.problem
     began = time.process_time()
     elites = planned(problem, seed) if warm else ()
     plan_s = time.process_time() - began if warm else 0.0
@@ -282,7 +282,7 @@ class Recorded:
 
     def __init__(self, case: str):
         self.evaluator = evaluator_of(case)
-        self.setting = self.evaluator.setup
+        self.setup = self.evaluator.setup
         self.budget, self.plans = CASES[case], case == "arcfold"
         self.costs: list[float] = []
         self.simulated_s: list[float] = []
@@ -315,9 +315,9 @@ def run_rival(case: str, method: str, seed: int) -> dict[str, Any]:
 def run_ours(case: str, method: str, seed: int) -> dict[str, Any]:
     """Return the record of one run of gaitopt, with what its plan would have simulated meanwhile."""
     record = Recorded(case)
-    record(list(record.setting.problem.baselines.values()))  # compiles
+    record(list(record.setup.problem.baselines.values()))  # compiles
     began = time.process_time()
-    record(list(record.setting.problem.baselines.values()))
+    record(list(record.setup.problem.baselines.values()))
     speed = sum(record.simulated_s) / 2 / (time.process_time() - began)
     record.costs, record.simulated_s = [], []
     plan_s = OURS[method](record, seed)

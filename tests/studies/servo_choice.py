@@ -26,8 +26,6 @@ from convergence import (
     HORIZON,
     NOMINAL,
     Choice,
-    Row,
-    Table,
     contact_stiffness,
     figure,
     fingerprint,
@@ -35,6 +33,7 @@ from convergence import (
     perturbed,
     standard_error,
 )
+from kept_table import KeptTable, Row
 from numpy.typing import NDArray
 
 from gaitopt.gait.gait import Gait
@@ -223,7 +222,7 @@ def welded() -> Iterator[Problem]:
         yield replace(problem, model_path=path)
 
 
-def fill(table: Table, name: str, problem: Problem, executor: Executor) -> None:
+def fill(table: KeptTable, name: str, problem: Problem, executor: Executor) -> None:
     """Add the row of a choice unless it is there."""
     key = {"choice": name, "model": fingerprint(problem)}
     table.fill(key, lambda: [simulated(problem, executor)])
@@ -237,7 +236,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    table = Table(options.out / "servo.csv", ("choice", "model"))
+    table = KeptTable(options.out / "servo.csv", ("choice", "model"))
     if options.trials and all((options.trials / trial.file).is_file() for trial in TRIALS):
         table.fill({"choice": REAL, "model": ""}, lambda: [real(options.trials)])
     else:
