@@ -22,6 +22,7 @@ from gaitopt.diagnose.judge.causes import Causes, find_causes
 from gaitopt.diagnose.judge.evidence import Gap
 from gaitopt.diagnose.judge.experiment import Experiment, propose
 from gaitopt.diagnose.record.cleaning import Cleaned, clean
+from gaitopt.diagnose.record.cycles import steady_from
 from gaitopt.diagnose.record.dataset import DataSet
 from gaitopt.diagnose.record.defects import Defect
 from gaitopt.effects import EFFECTS
@@ -254,9 +255,9 @@ def diagnose(
     if found.verdict == "no_gap" or not next_gait:
         return replace(located, found=found)
     note("looking for the next gait", found.robots, 0)
-    gaits = {trial.aligned.trial.gait.name: trial.aligned.trial.gait for trial in located.trials}
+    drives = {trial.aligned.trial.drive.name: trial.aligned.trial.drive for trial in located.trials}
     signals = list(dict.fromkeys(name for trial in located.trials for name in trial.floors))
-    experiment = propose(simulator, found, list(gaits.values()), signals, executor, seed)
+    experiment = propose(simulator, found, list(drives.values()), signals, executor, seed)
     return replace(located, found=found, experiment=experiment)
 
 
@@ -282,7 +283,7 @@ def locate(simulator: Simulator, dataset: DataSet, executor: Executor, seed: int
     Raises:
         GaitoptError: a trial has fewer than two cycles left, or the simulation of its gait fails.
     """
-    cleaned = [clean(trial, trial.period) for trial in dataset.trials]
+    cleaned = [clean(trial) for trial in dataset.trials]
     trials = [entry.trial for entry in cleaned]
     predictions = predict(simulator, trials, executor)
     aligned = [align(trial, simulated) for trial, simulated in zip(trials, predictions, strict=True)]
@@ -293,8 +294,7 @@ def locate(simulator: Simulator, dataset: DataSet, executor: Executor, seed: int
 
 
 def _trial_gap(simulator: Simulator, cleaned: Cleaned, aligned: Aligned, floors: Floors) -> TrialGap:
-    period = aligned.trial.period
-    transient = simulator.problem.simulation.horizon.cycles(period)[0] * period
+    transient = steady_from(simulator.problem.simulation.horizon, aligned.trial.drive)
     splits = {}
     for name in aligned.trial.signals:
         extra = dict.fromkeys(COMPONENTS, 0.0)
@@ -319,8 +319,8 @@ def _trial_row(trial: TrialGap) -> dict[str, Any]:
     aligned = trial.aligned
     return {
         "name": trial.name,
-        "gait": aligned.trial.gait.name,
-        "period_s": aligned.trial.period,
+        "gait": aligned.trial.drive.name,
+        "period_s": aligned.trial.drive.period_s,
         "offset_s": aligned.offset_s,
         "offset_fitted": aligned.trial.starts_at_s is None,
         "marker_gap_m": aligned.marker_rms,
@@ -335,8 +335,8 @@ def _trial_row(trial: TrialGap) -> dict[str, Any]:
                 "gap": aligned.rms(name),
                 "floor": floor.total,
                 "floor_parts": asdict(floor),
-                "travel_measured": trial.splits[name].travel[0],
-                "travel_simulated": trial.splits[name].travel[1],
+                "travel_measured": (trial.splits[name].travel or (None, None))[0],
+                "travel_simulated": (trial.splits[name].travel or (None, None))[1],
                 "size_ratio": trial.splits[name].size,
                 "delay_s": trial.splits[name].delay_s,
                 "by_phase": trial.splits[name].by_phase.tolist(),

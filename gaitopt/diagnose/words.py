@@ -167,8 +167,10 @@ def _components(part: Split) -> str:
 
 
 def _what(part: Split, component: str) -> str:
-    measured, simulated = part.travel
     if component == "drift":
+        if part.travel is None:
+            return " (it drifts from the simulated path)"
+        measured, simulated = part.travel
         return (
             f" (net travel {_length(part, measured)} a cycle, simulated {_length(part, simulated)}, which "
             f"the size of the stride, {part.size:.2f} times the simulated one, does not explain)"

@@ -111,7 +111,7 @@ def _asked(problem: Problem, diagnosis: Diagnosis) -> dict[str, str]:
 
 
 def _trial(gap: TrialGap) -> str:
-    gait, time = gap.aligned.trial.gait.name, gap.aligned.time
+    gait, time = gap.aligned.trial.drive.name, gap.aligned.time
     of = "" if gait == gap.name else f"{gait}, "
     return f"{gap.name} ({of}{figure(float(time[-1] - time[0]))} s)"
 
@@ -211,10 +211,10 @@ def _film(
 
     trial = max(diagnosis.trials, key=_worst).aligned.trial
     robots = {"nominal": problem} | ({"corrected": corrected} if corrected else {})
-    length = trial.period * max(1, round(_FILM_S / trial.period))
+    length = trial.drive.block_s * max(1, round(_FILM_S / trial.drive.block_s))
     try:
         takes = [
-            take_beside(Simulator.build(robot), trial, length).named(f"{trial.gait.name}, {name}")
+            take_beside(Simulator.build(robot), trial, length).named(f"{trial.drive.name}, {name}")
             for name, robot in robots.items()
         ]
         begin = max(0.0, *(float(shown.ghost.time[0]) for shown in takes if shown.ghost))
@@ -345,7 +345,7 @@ def _signal_table(diagnosis: Diagnosis) -> Table:
     rows = []
     for trial in diagnosis.trials:
         for name, part in trial.splits.items():
-            travels = [_amount(travel, _si(name)) for travel in part.travel]
+            travels = [_amount(travel, _si(name)) for travel in part.travel] if part.travel else ["–", "–"]
             shares = [f"{100 * part.squares[c] / (part.rms**2 or 1.0):.0f} %" for c in COMPONENTS]
             rows.append(
                 [

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from gaitopt.core.errors import GaitoptError
 from gaitopt.effects.active import RobotEffects, control_columns, with_added
 from gaitopt.effects.effect import LOOP_INTERVAL_S
-from gaitopt.gait.drive import Commands
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.drive import Commands, Drive
 from gaitopt.problem.instruments import build_instrumented, scalar_joints
 from gaitopt.problem.model import with_fidelity
 from gaitopt.problem.problem import Problem
@@ -135,20 +134,27 @@ class Simulator:
         models = tuple(with_fidelity(model, fidelity) for model in self.models)
         return replace(self, fidelity=fidelity, models=models, _local=threading.local())
 
-    def duration(self, gait: Gait) -> float:
-        """Return how long a rollout of `gait` lasts: transient and measured cycles, s."""
-        transient, measured = self.problem.simulation.horizon.cycles(gait.period_s)
-        return (transient + measured) * gait.period_s
+    def duration(self, drive: Drive) -> float:
+        """Return how long a rollout lasts, s.
+
+        It is the transient and the measured cycles of a drive with a period; any other drive is simulated for
+        as long as it lasts.
+        """
+        horizon = self.problem.simulation.horizon
+        if drive.period_s is not None:
+            transient, measured = horizon.cycles(drive.period_s)
+            return (transient + measured) * drive.period_s
+        return horizon.transient_s + horizon.measured_s if drive.duration_s is None else drive.duration_s
 
     def run(
-        self, gait: Gait, scenario: int = 0, duration: float | None = None, poses: bool = False
+        self, drive: Drive, scenario: int = 0, duration: float | None = None, poses: bool = False
     ) -> Trajectory:
-        """Simulate one gait in one scenario from the start pose.
+        """Simulate one drive in one scenario from the start pose.
 
         Args:
-            gait: the gait, its channels in the problem's order.
+            drive: the commands, in the order of the problem's channels.
             scenario: index into `scenarios`.
-            duration: length, s; the problem's horizon by default.
+            duration: length, s; see `duration` for the default.
             poses: keep qpos too, for pictures.
 
         Returns:
@@ -156,21 +162,22 @@ class Simulator:
             that diverges keeps its last good values, as does one that is stopped for all its work; one
             that MuJoCo gives up has none (NaN). Each says so in `status`.
         """
-        duration = self.duration(gait) if duration is None else duration
+        duration = self.duration(drive) if duration is None else duration
         if duration > _MAX_STEPS * self.fidelity.timestep_s:
+            key, found = ("period_s", drive.period_s) if drive.period_s else ("duration_s", duration)
             raise GaitoptError(
-                f"{gait.name}: period_s: found {gait.period_s:g}; allowed: a rollout of at most "
+                f"{drive.name}: {key}: found {found:g}; allowed: a rollout of at most "
                 f"{_MAX_STEPS * self.fidelity.timestep_s:g} s"
             )
         time = self.clock(duration)
-        return self._simulate(time, self._sent(gait, self.scenarios[scenario]), scenario, poses)
+        return self._simulate(time, self._sent(drive, self.scenarios[scenario]), scenario, poses)
 
-    def _sent(self, gait: Gait, scenario: Scenario) -> Commands:
+    def _sent(self, drive: Drive, scenario: Scenario) -> Commands:
         """Return what is sent at any gait time: before 0, the start's targets."""
         held, trim = start_targets(self.problem), scenario.servo_trim
 
         def sent(time: NDArray[np.float64]) -> NDArray[np.float64]:
-            rows = servo_commands(self.problem, gait, time, scenario.framed)
+            rows = servo_commands(self.problem, drive, time, scenario.framed)
             before = time < -_BEFORE * self.fidelity.timestep_s
             if before.any():
                 rows = np.where(before[:, None], held, rows)
@@ -294,22 +301,22 @@ class Simulator:
 
 
 def servo_commands(
-    problem: Problem, gait: Gait, time: NDArray[np.float64], framed: bool = False
+    problem: Problem, drive: Drive, time: NDArray[np.float64], framed: bool = False
 ) -> NDArray[np.float64]:
     """Return what is sent to each actuator, rad, shape (n, nu).
 
     Args:
         problem: the problem.
-        gait: the gait.
+        drive: the commands.
         time: gait times, s, shape (n,).
         framed: as a servo gets it: the targets at the start of a frame act from the next frame on, and
             before that the start's targets are held.
     """
     if not framed:
-        return gait.targets(time)
+        return drive.targets(time)
     frame_s = problem.file.servo.frame_s
     frame = np.floor(time / frame_s + _FRAME_EDGE)
-    sent = gait.targets((frame - 1.0) * frame_s)
+    sent = drive.targets((frame - 1.0) * frame_s)
     return np.where((frame < 1.0)[:, None], start_targets(problem), sent)
 
 

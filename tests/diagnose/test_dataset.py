@@ -54,7 +54,7 @@ def test_units_come_from_the_columns_names(folder, arcfold):
     assert trial.time[-1] == pytest.approx(2.95)
     assert trial.signals["marker.x"][-1] == pytest.approx(0.059)
     assert trial.signals["joint.mid_left"].max() == pytest.approx(math.pi / 2)
-    assert trial.gait is arcfold.baselines["square-1s"]
+    assert trial.drive is arcfold.baselines["square-1s"]
     assert trial.starts_at_s is None
     assert all(used.all() for used in trial.used.values())
 
@@ -82,7 +82,7 @@ def test_a_gait_file_beside_the_data_set(folder, arcfold):
     write_gait(folder / "slow.toml", arcfold.baselines["square-1s"].with_period(1.25))
     edited(folder / "dataset.toml", "square-1s", "slow.toml")
     (trial,) = load_dataset(folder, arcfold, KNOWN).trials
-    assert trial.period == 1.25
+    assert trial.drive.period_s == 1.25
 
 
 def test_blank_samples_do_not_count_and_are_said(folder, arcfold):
@@ -201,7 +201,7 @@ def test_the_real_trials_and_their_defects(tmp_path, arcfold):
         content = path.read_bytes()
         path.unlink()
         path.write_bytes(content)
-    slow, fast = (clean(trial, trial.period) for trial in load_dataset(tmp_path, arcfold, KNOWN).trials)
+    slow, fast = (clean(trial) for trial in load_dataset(tmp_path, arcfold, KNOWN).trials)
     assert [defect.name for defect in slow.defects] == ["marker_outliers"]
     rounded = next(defect for defect in fast.defects if defect.name == "clock_rounding")
     assert rounded.parameters["grid_s"] == 0.1

@@ -44,11 +44,11 @@ def recorded(duration=12.0, fps=FPS, noise_m=3e-4, seed=1):
 
 def with_samples(trial, flags, shift):
     signals = {name: np.where(flags, series + shift, series) for name, series in trial.signals.items()}
-    return Trial.of(trial.name, trial.gait, trial.time, signals)
+    return Trial.of(trial.name, trial.drive, trial.time, signals)
 
 
 def names(trial):
-    return [defect.name for defect in clean(trial, trial.period).defects]
+    return [defect.name for defect in clean(trial).defects]
 
 
 def simulated(x=steps, z=heights, duration=16.0):
@@ -76,7 +76,7 @@ def test_outliers_are_masked_and_nothing_else(places, shift):
     places = [p for p in places if all(abs(p - q) > 3 or p == q for q in places)]
     trial = recorded()
     flags = np.isin(np.arange(len(trial.time)), places)
-    cleaned = clean(with_samples(trial, flags, shift), trial.period)
+    cleaned = clean(with_samples(trial, flags, shift))
     if not places:
         assert cleaned.defects == ()
         return
@@ -104,7 +104,7 @@ def test_frozen_frames():
     begin = round(2.05 * FPS)
     for series in signals.values():
         series[begin : begin + 9] = series[begin]
-    cleaned = clean(Trial.of("walk", GAIT, trial.time, signals), GAIT.period_s)
+    cleaned = clean(Trial.of("walk", GAIT, trial.time, signals))
     (defect,) = cleaned.defects
     assert (defect.name, defect.masked) == ("frozen_frames", 8)
     assert not cleaned.trial.used["marker.x"][begin + 1 : begin + 9].any()
@@ -121,7 +121,7 @@ def test_dropped_frames():
     keep = np.ones(len(trial.time), dtype=bool)
     keep[[40, 100, 101, 102]] = False
     signals = {name: series[keep] for name, series in trial.signals.items()}
-    (defect,) = clean(Trial.of("walk", GAIT, trial.time[keep], signals), GAIT.period_s).defects
+    (defect,) = clean(Trial.of("walk", GAIT, trial.time[keep], signals)).defects
     assert defect.name == "gaps"
     assert "4 frames missing in 2 gaps, the longest 0.13 s at t = 3.30 s" in defect.message
 
@@ -131,7 +131,7 @@ def test_rounded_time_stamps_get_their_even_clock_back(grid, begin):
     trial = recorded()
     true = trial.time + 0.0037
     stamps = np.where(true >= begin, grid * np.round(true / grid), true)
-    cleaned = clean(replace(trial, time=stamps), GAIT.period_s)
+    cleaned = clean(replace(trial, time=stamps))
     (defect,) = cleaned.defects
     assert defect.name == "clock_rounding"
     assert defect.parameters == {"grid_s": grid}
@@ -163,7 +163,7 @@ def test_rounded_stamps_with_frames_missing_are_kept_and_said():
     keep = np.random.default_rng(1).random(len(trial.time)) < 0.5
     signals = {name: series[keep] for name, series in trial.signals.items()}
     stamps = 0.1 * np.round(trial.time[keep] / 0.1)
-    cleaned = clean(Trial.of("walk", GAIT, stamps, signals), GAIT.period_s)
+    cleaned = clean(Trial.of("walk", GAIT, stamps, signals))
     defect = next(defect for defect in cleaned.defects if defect.name == "clock_rounding")
     assert "±0.05 s" in defect.message
     np.testing.assert_array_equal(cleaned.trial.time, stamps)
@@ -178,7 +178,7 @@ def test_a_stepped_curve_read_off_a_plot():
     for name, curve in (("marker.x", steps), ("marker.z", heights)):
         drawn = np.interp(trial.time, shown + 1e-6 * np.arange(len(true)), curve(true))
         signals[name] = drawn
-    cleaned = clean(Trial.of("walk", GAIT, trial.time, signals), GAIT.period_s)
+    cleaned = clean(Trial.of("walk", GAIT, trial.time, signals))
     (defect,) = [d for d in cleaned.defects if d.name == "clock_rounding"]
     assert defect.parameters == {"grid_s": 0.2}
     assert defect.spans_s[0][0] == pytest.approx(8.0, abs=0.15)
@@ -234,7 +234,7 @@ def test_a_few_steps_at_even_times_are_no_evidence_of_a_rounded_clock(begin, fou
     true = np.arange(0.0, 12.0, 1.0 / 60.0)
     shown = np.where(true >= begin, 0.2 * np.round(true / 0.2), true)
     drawn = np.interp(trial.time, shown + 1e-6 * np.arange(len(true)), steps(true))
-    cleaned = clean(Trial.of("walk", GAIT, trial.time, {"marker.x": drawn}), GAIT.period_s)
+    cleaned = clean(Trial.of("walk", GAIT, trial.time, {"marker.x": drawn}))
     assert [defect.name for defect in cleaned.defects] == found
 
 
@@ -247,4 +247,4 @@ def test_noise_between_the_steps_of_a_slow_gait_is_no_stepped_curve():
     for seed in (7, 52, 253, 254, 351):  # by chance, noise is where the half seconds are
         noise = 3.5e-4 * np.random.default_rng(seed).standard_normal(len(time))
         trial = Trial.of("walk", slow, time, {"marker.x": strides - slips + noise})
-        assert not clean(trial, slow.period_s).defects
+        assert not clean(trial).defects

@@ -193,7 +193,7 @@ def made_up(**changes):
     trial = Trial.of("walk", GAIT, time, {"marker.x": wave(time, **changes)})
     fine = np.arange(-1.0, 25.0, 1e-3)
     aligned = align(
-        Trial(trial.name, trial.gait, trial.time, trial.signals, trial.used, starts_at_s=0.0),
+        Trial(trial.name, trial.drive, trial.time, trial.signals, trial.used, starts_at_s=0.0),
         Trajectory(fine, {"marker.x": wave(fine)}),
     )
     return split(aligned, "marker.x", 2.0, {})

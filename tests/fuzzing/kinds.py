@@ -194,7 +194,7 @@ def data_set(rng: random.Random, folder: Path) -> Case:
 
     def read() -> None:
         for trial in load_dataset(folder / "set", problem(), known).trials:
-            clean(trial, trial.period)
+            clean(trial)
 
     return Case(call=read)
 

@@ -241,7 +241,7 @@ def build_trial_set(
 
 
 def _folds(views: Sequence[WhitenedTrial], block_trials: NDArray[np.intp]) -> tuple[NDArray[np.intp], ...]:
-    keys = [v.aligned.trial.gait.key for v in views]
+    keys = [v.aligned.trial.drive.key for v in views]
     groups = keys if len(set(keys)) > 1 else [str(i) for i in range(len(views))]
     names = np.array(groups)[block_trials]
     if len(set(groups)) > 1:
@@ -304,17 +304,17 @@ def compare_robot(
 
 
 def predictions(simulator: Simulator, trials: Sequence[Trial]) -> list[Trajectory]:
-    """Return what a robot is predicted to do in each trial, one rollout for each distinct gait."""
+    """Return what a robot is predicted to do in each trial, one rollout for each distinct drive."""
     longest: dict[str, Trial] = {}
     for trial in trials:
-        key = trial.gait.key
+        key = trial.drive.key
         if key not in longest or latest_gait_time(trial) > latest_gait_time(longest[key]):
             longest[key] = trial
     done = {
-        key: simulator.observe(simulator.run(trial.gait, 0, latest_gait_time(trial)))
+        key: simulator.observe(simulator.run(trial.drive, 0, latest_gait_time(trial)))
         for key, trial in longest.items()
     }
-    return [done[trial.gait.key] for trial in trials]
+    return [done[trial.drive.key] for trial in trials]
 
 
 @dataclass(frozen=True)

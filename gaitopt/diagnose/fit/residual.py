@@ -29,7 +29,7 @@ from gaitopt.robot.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 BINS = 20
-"""Bins a cycle, where frames allow."""
+"""Bins a block, a cycle where there are cycles, where frames allow."""
 
 MOST_BINS = 160
 """Bins a trial at most: the covariance is a dense matrix."""
@@ -132,7 +132,7 @@ class WhitenedTrial:
 
     def _offset(self, trajectory: Trajectory) -> float:
         """Return the offset with the smallest whitened residual, by Gauss and Newton from the nominal's."""
-        offset, most = self.aligned.offset_s, 0.1 * self.aligned.trial.period
+        offset, most = self.aligned.offset_s, 0.1 * self.aligned.trial.drive.block_s
         white = self.whiten(self.measured - self.means(trajectory, offset))
         for _ in range(_STEPS):
             later = self.means(trajectory, offset + _DIFFERENCE_S)
@@ -187,7 +187,7 @@ def whiten_trial(aligned: Aligned, floors: Floors, drawn: Sequence[Trajectory]) 
     """
     trial = aligned.trial
     span = float(aligned.time[-1] - aligned.time[0])
-    width = max(trial.period / BINS, trial.frame_s, span / MOST_BINS)
+    width = max(trial.drive.block_s / BINS, trial.frame_s, span / MOST_BINS)
     bins = {name: np.floor(aligned.time[trial.used[name]] / width).astype(int) for name in trial.signals}
     keys = sorted({(int(b), i) for i, name in enumerate(bins) for b in np.unique(bins[name])})
     place = {key: row for row, key in enumerate(keys)}
@@ -210,8 +210,8 @@ def whiten_trial(aligned: Aligned, floors: Floors, drawn: Sequence[Trajectory]) 
     if aligned.trial.clock_s > 0.0:
         late = _means(aligned, rows, counts, aligned.simulated, aligned.offset_s + aligned.trial.clock_s)
         chance += np.outer(late - nominal, late - nominal)
-    first = int(np.floor(time[0] / trial.period))
-    cycles = np.floor(time / trial.period).astype(np.intp) - first
+    first = int(np.floor(time[0] / trial.drive.block_s))
+    cycles = np.floor(time / trial.drive.block_s).astype(np.intp) - first
     factor = cholesky(chance + _of_robots(aligned, signal, time, np.array(changes)), lower=True)
     whitener = np.ascontiguousarray(solve_triangular(factor, np.eye(len(factor)), lower=True))
     return WhitenedTrial(aligned, rows, counts, measured / counts, whitener, cycles, signal, time, chance)
@@ -238,7 +238,7 @@ def _of_robots(aligned: Aligned, signal: NDArray[np.int_], time: Array, changes:
         changes: what drawn robots change, m and rad, shape (draws, n).
     """
     covariance: Array = _INFLATION * changes.T @ changes / len(changes)
-    apart = np.abs(time[:, None] - time[None, :]) / aligned.trial.period
+    apart = np.abs(time[:, None] - time[None, :]) / aligned.trial.drive.block_s
     smooth = np.exp(-0.5 * (apart / _REMAINDER_CYCLES) ** 2)
     begin = min(float(time[0]), 0.0)
     elapsed = (time - begin) / max(float(time[-1]) - begin, 1e-9)
@@ -256,11 +256,12 @@ def _of_robots(aligned: Aligned, signal: NDArray[np.int_], time: Array, changes:
 def _chance(aligned: Aligned, floors: Floors, signal: NDArray[np.int_], time: Array, counts: Array) -> Array:
     """Return the covariance of noise, cycles that differ and the marker's free origin."""
     covariance = np.zeros((len(counts), len(counts)))
-    within = np.exp(-np.abs(time[:, None] - time[None, :]) / aligned.trial.period / 0.3)
+    within = np.exp(-np.abs(time[:, None] - time[None, :]) / aligned.trial.drive.block_s / 0.3)
     for index, name in enumerate(aligned.trial.signals):
         own = signal == index
         block, floor = np.ix_(own, own), floors[name]
-        covariance[block] += max(0.0, floor.spread**2 - floor.noise**2) * within[block]
+        if floor.spread is not None:
+            covariance[block] += max(0.0, floor.spread**2 - floor.noise**2) * within[block]
         if is_marker(name):
             covariance[block] += _ORIGIN_M**2
         diagonal = np.flatnonzero(own)

@@ -17,7 +17,7 @@ from gaitopt.robot.trajectory import Trajectory
 Series = NDArray[np.float64]
 
 _OFFSETS = 401
-"""Offsets tried over two periods before the best is refined: 5 ms apart at 1 s."""
+"""Offsets tried over two blocks before the best is refined: 5 ms apart at 1 s."""
 
 _PRECISION_S = 1e-5
 
@@ -64,7 +64,7 @@ def align(trial: Trial, simulated: Trajectory) -> Aligned:
     """Return a trial beside a prediction, its nuisances fitted.
 
     The origin of the marker's coordinates is free, that of angles is not. Where the gait time of the
-    recording's start is unknown, the offset between one period before and one after is taken that
+    recording's start is unknown, the offset between one block before and one after is taken that
     leaves the least squared residual about a line, so that a difference in speed does not pull at it;
     signals weigh alike, each by its own spread.
 
@@ -89,24 +89,24 @@ def _best_offset(trial: Trial, simulated: Trajectory) -> float:
     for name, series in trial.signals.items():
         keep = trial.used[name]
         time = trial.time[keep]
-        measured = _without_line(time, series[keep])
+        measured = without_line(time, series[keep])
         scale = float(np.sqrt(np.mean(measured**2))) or 1.0
         terms.append((time, measured / scale, simulated[name] / scale))
 
     def cost(offset: float) -> float:
         return sum(
-            float(np.mean((measured - _without_line(time, np.interp(time + offset, simulated.time, s))) ** 2))
+            float(np.mean((measured - without_line(time, np.interp(time + offset, simulated.time, s))) ** 2))
             for time, measured, s in terms
         )
 
-    offsets = np.linspace(-trial.period, trial.period, _OFFSETS)
+    offsets = np.linspace(-trial.drive.block_s, trial.drive.block_s, _OFFSETS)
     best = int(np.argmin([cost(offset) for offset in offsets.tolist()]))
     bounds = (float(offsets[max(0, best - 1)]), float(offsets[min(len(offsets) - 1, best + 1)]))
     refined = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": _PRECISION_S})
     return float(refined.x)
 
 
-def _without_line(time: Series, series: Series) -> Series:
+def without_line(time: Series, series: Series) -> Series:
     """Return a series about its least-squares line over time."""
     centred = time - time.mean()
     below = float(centred @ centred)

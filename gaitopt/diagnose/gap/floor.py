@@ -18,7 +18,7 @@ import numpy as np
 from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.gap.align import Aligned, align
 from gaitopt.diagnose.gap.predict import predict_each
-from gaitopt.diagnose.record.cycles import Cycles, cycle_means, steady
+from gaitopt.diagnose.record.cycles import Cycles, cycle_means, steady, steady_from
 from gaitopt.diagnose.record.dataset import Trial
 from gaitopt.diagnose.record.defects import noise_of
 from gaitopt.problem.records import Fidelity
@@ -36,16 +36,17 @@ class Floor:
 
     Attributes:
         noise: of the measurement, from the record or as the data set says.
-        spread: of the cycles about their mean, in the record; includes its noise.
+        spread: of the cycles about their mean, in the record; includes its noise; None where the drive has
+            no period.
         start_pose: change of the prediction with the start pose.
         numerics: error of the prediction by its timestep: twice the change when that is halved, as for
             any method of first order, which contact makes all of them.
         clock: change of the prediction by the error of time stamps that had been rounded.
-        repeats: of trials of one gait about their mean; None where there is one trial.
+        repeats: of trials of one drive about their mean; None where there is one trial.
     """
 
     noise: float
-    spread: float
+    spread: float | None
     start_pose: float
     numerics: float
     clock: float = 0.0
@@ -54,7 +55,7 @@ class Floor:
     @property
     def total(self) -> float:
         """The floor: run to run as repeats show it, or cycle to cycle and by the start pose."""
-        within = max(self.noise, self.spread)
+        within = self.noise if self.spread is None else max(self.noise, self.spread)
         run = math.hypot(within, self.start_pose) if self.repeats is None else max(within, self.repeats)
         return math.hypot(run, self.numerics, self.clock)
 
@@ -89,12 +90,12 @@ def measure_floors(
         halving = _change(aligned, [finer[index]])
         start_pose = _change(aligned, [row[index] for row in drawn])
         repeats = _repeats(aligned, trials)
-        transient, _ = simulator.problem.simulation.horizon.cycles(aligned.trial.period)
+        transient = steady_from(simulator.problem.simulation.horizon, aligned.trial.drive)
         floors.append(
             {
                 name: Floor(
                     _noise(aligned.trial, name),
-                    cycle_spread(aligned, name, transient * aligned.trial.period),
+                    cycle_spread(aligned, name, transient),
                     start_pose[name],
                     2.0 * halving[name],
                     _clock(aligned, name),
@@ -130,15 +131,18 @@ def _clock(aligned: Aligned, name: str) -> float:
     return float(np.sqrt(np.mean((late - now) ** 2)))
 
 
-def cycle_spread(aligned: Aligned, name: str, transient: float) -> float:
+def cycle_spread(aligned: Aligned, name: str, transient: float) -> float | None:
     """Return the RMS of a measured signal about its mean cycle and its mean travel, m or rad.
 
     The mean cycle of n has taken one n-th of the spread with it, and the travel as much of what is
-    left of the cycles' means, which is made up for.
+    left of the cycles' means, which is made up for. None where the drive has no period.
     """
+    period = aligned.trial.drive.period_s
+    if period is None:
+        return None
     keep = aligned.trial.used[name]
     time, series = aligned.time[keep], aligned.trial.signals[name][keep]
-    cycles = Cycles.of(time, aligned.trial.period, transient, aligned.trial.name)
+    cycles = Cycles.of(time, period, transient, aligned.trial.name)
     rest = steady(cycles.sampled(time, series, aligned.trial.frame_s))[2]
     wander = cycle_means(rest)
     inside = rest - wander[:, None]
@@ -162,9 +166,9 @@ def _change(aligned: Aligned, others: Sequence[Trajectory]) -> dict[str, float]:
 
 
 def _repeats(aligned: Aligned, trials: Sequence[Aligned]) -> dict[str, float]:
-    """Return the standard deviation of each signal over the trials of one gait, at this one's times."""
-    key = aligned.trial.gait.key
-    family = [other for other in trials if other.trial.gait.key == key]
+    """Return the standard deviation of each signal over the trials of one drive, at this one's times."""
+    key = aligned.trial.drive.key
+    family = [other for other in trials if other.trial.drive.key == key]
     spreads = {}
     for name in aligned.trial.signals:
         rows = [_residual_at(other, name, aligned.time) for other in family if name in other.residual]

@@ -9,7 +9,7 @@ import numpy as np
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.record.cycles import Cycles, steady
 from gaitopt.diagnose.record.dataset import Series, Trial
-from gaitopt.diagnose.record.defects import Defect, cycle_range, markers
+from gaitopt.diagnose.record.defects import Defect, block_range, markers
 from gaitopt.robot.trajectory import Trajectory
 
 RATIOS = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
@@ -53,10 +53,13 @@ def mismatches(aligned: Aligned, transient: float) -> Iterator[Defect]:
 
 def _frame_rate(trial: Trial, simulated: Trajectory, name: str) -> Defect | None:
     """Does the motion repeat 2, 4 or 8 times too often or too rarely?"""
+    period = trial.drive.period_s
+    if period is None:
+        return None
     keep = trial.used[name]
-    shares = _explained_by(trial.time[keep], trial.signals[name][keep], trial.period)
-    steady_part = _later(simulated, trial.period)
-    own = _explained_by(simulated.time[steady_part], simulated[name][steady_part], trial.period)
+    shares = _explained_by(trial.time[keep], trial.signals[name][keep], period)
+    steady_part = _later(simulated, period)
+    own = _explained_by(simulated.time[steady_part], simulated[name][steady_part], period)
     measured, expected = _shortest(shares), _shortest(own)
     if measured is None or expected is None or measured == expected:
         return None
@@ -103,32 +106,47 @@ def _explained(time: Series, series: Series, period: float, frame: float) -> flo
 
 def _unit(trial: Trial, simulated: Trajectory, name: str) -> Defect | None:
     """Are the lengths in pixels, or in another unit than the column says?"""
-    later = _later(simulated, trial.period)
-    expected = cycle_range(
-        Trial.of(trial.name, trial.gait, simulated.time[later], {name: simulated[name][later]}), name
+    later = _later(simulated, trial.drive.block_s)
+    expected = block_range(
+        Trial.of(trial.name, trial.drive, simulated.time[later], {name: simulated[name][later]}), name
     )
-    measured = cycle_range(trial, name)
+    measured = block_range(trial, name)
     if min(expected, measured) <= 0.0 or 1.0 / _UNLIKE < measured / expected < _UNLIKE:
         return None
     ratio = measured / expected
     known = next((words for words, scale in _LENGTHS.items() if 0.5 < ratio / scale < 2.0), None)
     guess = known or "they may be pixels, or the scale is wrong"
-    message = f"{name} moves {ratio:.3g} times as far in a cycle as the simulated robot, in metres: {guess}"
+    message = f"{name} moves {ratio:.3g} times as far in a {_block(trial)} as the simulated robot, in metres: {guess}"
     return Defect("wrong_unit", trial.name, message, parameters={"ratio": ratio})
 
 
-def _later(simulated: Trajectory, period: float) -> slice:
-    """Return the part of a simulation after its first cycle, a few hundredths of a second apart."""
-    begin = int(np.searchsorted(simulated.time, min(period, 0.3 * float(simulated.time[-1]))))
-    every = max(1, int(period / 200.0 / float(simulated.time[1] - simulated.time[0])))
+def _later(simulated: Trajectory, block_s: float) -> slice:
+    """Return the part of a simulation after its first block, a few hundredths of a second apart."""
+    begin = int(np.searchsorted(simulated.time, min(block_s, 0.3 * float(simulated.time[-1]))))
+    every = max(1, int(block_s / 200.0 / float(simulated.time[1] - simulated.time[0])))
     return slice(begin, None, every)
+
+
+def _block(trial: Trial) -> str:
+    return "block" if trial.drive.period_s is None else "cycle"
+
+
+def _runs_against(aligned: Aligned, name: str) -> bool:
+    """Without cycles: does the whole recording of a coordinate move against the simulated one?"""
+    keep = aligned.trial.used[name]
+    measured, predicted = aligned.trial.signals[name][keep], aligned.predicted[name][keep]
+    if measured.std() == 0.0 or predicted.std() == 0.0:
+        return False
+    return float(np.corrcoef(measured, predicted)[0, 1]) < _REVERSED
 
 
 def _is_reversed(aligned: Aligned, name: str, transient: float) -> bool:
     """Does a coordinate move against the simulated one, in its travel or in its cycle?"""
     keep = aligned.trial.used[name]
-    time = aligned.time[keep]
-    cycles = Cycles.of(time, aligned.trial.period, transient, aligned.trial.name)
+    time, period = aligned.time[keep], aligned.trial.drive.period_s
+    if period is None:
+        return _runs_against(aligned, name)
+    cycles = Cycles.of(time, period, transient, aligned.trial.name)
     rows = cycles.sampled(time, aligned.trial.signals[name][keep], aligned.trial.frame_s)
     travel, shape, rest = steady(rows)
     travel_simulated, shape_simulated, _ = steady(

@@ -13,14 +13,15 @@ an angle; what differs from cycle to cycle is noise; what differs before the ste
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.gap.align import Aligned
+from gaitopt.diagnose.gap.align import Aligned, without_line
 from gaitopt.diagnose.record.cycles import PHASES, Cycles, cycle_means, shifted, steady
+from gaitopt.diagnose.record.defects import noise_of
 
 Series = NDArray[np.float64]
 
@@ -41,16 +42,17 @@ class Split:
     Attributes:
         signal: name of the signal.
         squares: mean square of each component of the gap, m² or rad².
-        travel: measured and simulated travel per cycle, m or rad.
-        size: size of the motion inside a cycle, measured over simulated.
+        travel: measured and simulated travel per cycle, m or rad; None where the drive has no period.
+        size: size of the motion about its travel, measured over simulated.
         delay_s: how much later than simulated the motion comes, s.
         by_phase: RMS of the gap inside the cycle, drift removed, at each share of the gait's cycle,
-            m or rad, shape (PHASE_BINS,); NaN where nothing was measured.
+            m or rad, shape (PHASE_BINS,); NaN where nothing was measured; empty where the drive has no
+            period.
     """
 
     signal: str
     squares: Mapping[str, float]
-    travel: tuple[float, float]
+    travel: tuple[float, float] | None
     size: float
     delay_s: float
     by_phase: Series
@@ -73,19 +75,28 @@ def split(aligned: Aligned, signal: str, transient: float, extra: Mapping[str, f
     Raises:
         GaitoptError: fewer than two cycles can be used.
     """
+    if aligned.trial.drive.period_s is None:
+        return _of_recording(aligned, signal, extra)
+    return _of_cycles(aligned, signal, transient, aligned.trial.drive.period_s, extra)
+
+
+def _of_cycles(
+    aligned: Aligned, signal: str, transient: float, period: float, extra: Mapping[str, float]
+) -> Split:
+    """Split the gap of one signal of a gait."""
     trial = aligned.trial
     keep = trial.used[signal]
     time, residual = aligned.time[keep], aligned.residual[signal][keep]
-    cycles = Cycles.of(time, trial.period, transient, trial.name)
+    cycles = Cycles.of(time, period, transient, trial.name)
     measured = cycles.sampled(time, trial.signals[signal][keep], trial.frame_s)
     simulated = np.interp(cycles.times, aligned.simulated.time, aligned.simulated[signal])
     simulated = np.where(np.isfinite(measured), simulated, np.nan)
     travel, shape, _ = steady(measured)
     travel_simulated, shape_simulated, _ = steady(simulated)
-    delay, size = _delay_and_size(shape, shape_simulated)
+    delay, size = _delay_and_size(shape, shape_simulated, lambda cycles: shifted(shape_simulated, cycles))
     _, _, rest = steady(measured - simulated)
 
-    squares = _line(travel - travel_simulated, (size - 1.0) * travel_simulated, time, trial.period)
+    squares = _line(travel - travel_simulated, (size - 1.0) * travel_simulated, time, period)
     delayed = shifted(shape_simulated, delay)
     noise = float(np.nanmean(rest**2)) * cycles.count / (cycles.count - 1)
     squares["timing"] = float(np.mean((delayed - shape_simulated) ** 2))
@@ -95,27 +106,63 @@ def split(aligned: Aligned, signal: str, transient: float, extra: Mapping[str, f
     )  # an angle is off throughout; a marker's origin is free
     squares["noise"] = noise
     squares["transient"] = _transient(time, residual, cycles, measured - simulated, noise)
-    # The parts overlap a little; together they are the gap, so each is given its share of that.
-    scale = float(np.mean(residual**2)) / (sum(squares.values()) or 1.0)
-    total = {name: scale * squares[name] + extra.get(name, 0.0) for name in COMPONENTS}
     return Split(
         signal,
-        total,
+        _added_up(squares, residual, extra),
         (travel, travel_simulated),
         size,
-        delay * trial.period,
+        delay * period,
         _by_phase(cycles, measured - simulated, float(np.mean(residual))),
     )
 
 
-def _delay_and_size(shape: Series, simulated: Series) -> tuple[float, float]:
-    """Return the delay, in cycles, and the size that bring the simulated shape onto the measured one.
+def _of_recording(aligned: Aligned, signal: str, extra: Mapping[str, float]) -> Split:
+    """Split the gap of one signal of commands without a period: the whole recording is its one shape."""
+    trial, simulated, block = aligned.trial, aligned.simulated, aligned.trial.drive.block_s
+    keep = trial.used[signal]
+    time, residual = aligned.time[keep], aligned.residual[signal][keep]
+    measured, predicted = trial.signals[signal][keep], aligned.predicted[signal][keep]
+
+    def delayed_by(blocks: float) -> Series:
+        return without_line(time, np.interp(time - block * blocks, simulated.time, simulated[signal]))
+
+    shape, shape_simulated = without_line(time, measured), without_line(time, predicted)
+    delay, size = _delay_and_size(shape, shape_simulated, delayed_by)
+    travel, travel_simulated = (block * float(np.polyfit(time, s, 1)[0]) for s in (measured, predicted))
+    squares = _line(travel - travel_simulated, (size - 1.0) * travel_simulated, time, block)
+    delayed, noise = delayed_by(delay), noise_of(measured) ** 2
+    squares["timing"] = float(np.mean((delayed - shape_simulated) ** 2))
+    squares["stride"] += max(0.0, float(np.mean((shape - delayed) ** 2)) - noise)
+    squares["stride"] += float(np.mean(residual)) ** 2
+    squares["noise"], squares["transient"] = noise, 0.0
+    total = _added_up(squares, residual, extra)
+    return Split(signal, total, None, size, delay * block, np.empty(0))
+
+
+def _added_up(squares: Mapping[str, float], residual: Series, extra: Mapping[str, float]) -> dict[str, float]:
+    """Return the components as shares of the gap, and what defects put into each added.
+
+    The parts overlap a little; together they are the gap, so each is given its share of that.
+    """
+    scale = float(np.mean(residual**2)) / (sum(squares.values()) or 1.0)
+    return {name: scale * squares[name] + extra.get(name, 0.0) for name in COMPONENTS}
+
+
+def _delay_and_size(
+    shape: Series, simulated: Series, delayed_by: Callable[[float], Series]
+) -> tuple[float, float]:
+    """Return the delay, in blocks, and the size that bring the simulated shape onto the measured one.
 
     Both are neutral where the measured motion does not resemble the simulated one.
+
+    Args:
+        shape: the measured motion.
+        simulated: the simulated motion.
+        delayed_by: the simulated motion later by a delay in blocks.
     """
     best, delay, size = float(np.mean((shape - simulated) ** 2)), 0.0, 1.0
     for candidate in np.linspace(-_LARGEST_DELAY, _LARGEST_DELAY, _DELAYS).tolist():
-        delayed = shifted(simulated, candidate)
+        delayed = delayed_by(candidate)
         power = float(delayed @ delayed)
         scale = float(delayed @ shape) / power if power > 0.0 else 1.0
         error = float(np.mean((shape - scale * delayed) ** 2))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 from gaitopt.diagnose.record.clock import rounded_clock, stepped_clock
 from gaitopt.diagnose.record.dataset import Trial
@@ -20,19 +19,17 @@ class Cleaned:
     defects: tuple[Defect, ...]
 
 
-def clean(trial: Trial, period: float | None) -> Cleaned:
+def clean(trial: Trial) -> Cleaned:
     """Find the defects that a recording shows by itself, and mask or correct them.
 
-    Args:
-        trial: the recording.
-        period: of the commanded gait, s; None where it is not known.
+    What needs a period, such as excursions that recur in each cycle, is left out where the drive has none.
     """
     finders: tuple[Callable[[Trial], Found], ...] = (
         rounded_clock,
-        stepped_clock if period is not None else lambda t: (t, None),
+        stepped_clock,
         gaps,
         frozen,
-        partial(outliers, period=period),
+        outliers,
     )
     recorded, defects = trial, []
     for find in finders:

@@ -14,7 +14,7 @@ from gaitopt.diagnose.record.defects import (
     Found,
     bridged,
     counted,
-    cycle_range,
+    block_range,
     errors_of,
     markers,
     noise_of,
@@ -108,8 +108,11 @@ def _on_grid(time: Series, grid: float) -> tuple[float, int] | None:
 
 def stepped_clock(trial: Trial) -> Found:
     """Rounded time stamps in a curve read off a plot: it moves at the grid's lines alone."""
+    period = trial.drive.period_s
+    if period is None:
+        return trial, None
     for grid in GRIDS_S:
-        if not 4.0 * trial.frame_s < grid <= trial.period / 8.0:
+        if not 4.0 * trial.frame_s < grid <= period / 8.0:
             continue
         for name in markers(trial):
             begin = _stepped_from(trial, name, grid)
@@ -141,7 +144,7 @@ def _stepped_from(trial: Trial, name: str, grid: float) -> float | None:
     first, count = int(line[0]), int(line[-1] - line[0]) + 1
     whole = np.bincount(line - first, moved, minlength=count)
     at_line = np.bincount(line - first, moved * near, minlength=count)
-    moving = np.flatnonzero(whole > _MOVING * cycle_range(trial, name))
+    moving = np.flatnonzero(whole > _MOVING * block_range(trial, name))
     smooth = np.flatnonzero(at_line[moving] <= _CELL_STEPPED * whole[moving])
     tail = moving[smooth[-1] + 1 :] if len(smooth) else moving
     steps = np.bincount(line - first, minlength=count)

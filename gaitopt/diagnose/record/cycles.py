@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.gait.drive import Drive
+from gaitopt.problem.records import Horizon
 
 Series = NDArray[np.float64]
 
@@ -17,6 +19,16 @@ PHASES = 240
 _NEAR_CYCLES = 0.03
 _NEAR_FRAMES = 2.0
 """A phase counts as measured if a sample lies this near, in cycles or in frames."""
+
+
+def steady_from(horizon: Horizon, drive: Drive) -> float:
+    """Return the gait time from which the motion may be steady, s.
+
+    It is the horizon's transient in whole cycles where the drive has a period, and in seconds otherwise.
+    """
+    if drive.period_s is None:
+        return horizon.transient_s
+    return horizon.cycles(drive.period_s)[0] * drive.period_s
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.core.files import Name, inside, read_toml, validated
 from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
 from gaitopt.diagnose.record.tables import Table, read_csv
-from gaitopt.gait.gait import Gait, read_gait
+from gaitopt.gait.drive import Drive
+from gaitopt.gait.gait import read_gait
 from gaitopt.problem.problem import Problem
 
 DATASET_FILE = "dataset.toml"
@@ -23,8 +24,8 @@ DATASET_FILE = "dataset.toml"
 UNITS = {"marker": LENGTH, "joint": ANGLE}
 """Kinds of signals that can be measured, and the units that their columns may have."""
 
-_SAMPLES_PER_CYCLE = 4
-_WHOLE_CYCLES = 2
+_SAMPLES_PER_BLOCK = 4
+_WHOLE_BLOCKS = 2
 
 Series = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -73,7 +74,7 @@ class Trial:
 
     Attributes:
         name: name of the trial.
-        gait: what was commanded.
+        drive: what was commanded.
         time: time stamps on the recording's own clock, s, shape (n,), never decreasing; plots read
             off vertical lines give several samples one stamp.
         signals: measured series, each of shape (n,): ``marker.x|y|z`` in m, of arbitrary origin, and
@@ -86,7 +87,7 @@ class Trial:
     """
 
     name: str
-    gait: Gait
+    drive: Drive
     time: Series
     signals: Mapping[str, Series]
     used: Mapping[str, Flags]
@@ -96,15 +97,10 @@ class Trial:
     clock_s: float = 0.0
 
     @staticmethod
-    def of(name: str, gait: Gait, time: Series, signals: Mapping[str, Series]) -> Trial:
+    def of(name: str, drive: Drive, time: Series, signals: Mapping[str, Series]) -> Trial:
         """Return a trial in which every finite sample counts."""
         used = {signal: np.isfinite(series) for signal, series in signals.items()}
-        return Trial(name, gait, time, signals, used)
-
-    @property
-    def period(self) -> float:
-        """The commanded period, s."""
-        return self.gait.period_s
+        return Trial(name, drive, time, signals, used)
 
     @property
     def frame_s(self) -> float:
@@ -139,7 +135,7 @@ def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> Data
 
     Raises:
         GaitoptError: a file, key, column, unit, signal, channel or gait is wrong, a recording goes
-            back in time or is shorter than two cycles.
+            back in time or is shorter than two blocks of its drive.
     """
     path = folder / DATASET_FILE if folder.is_dir() else folder
     if not path.is_file():
@@ -155,18 +151,18 @@ def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> Data
 
 def _trial(entry: TrialFile, path: Path, problem: Problem, measurable: list[str]) -> Trial:
     source = f"{path}: trial {entry.name}"
-    gait = _gait(entry.gait, path, problem, source)
+    drive = _drive(entry.gait, path, problem, source)
     for signal in entry.signals:
         if signal not in measurable:
             raise unknown_name(source, "signal", signal, measurable)
     table = read_csv(_beside(path, entry.file, f"{source}: file"))
-    time = _time(table, entry, gait, source)
+    time = _time(table, entry, drive, source)
     signals = {name: _series(table, name, column, source) for name, column in entry.signals.items()}
     used = {name: np.isfinite(series) for name, series in signals.items()}
-    return Trial(entry.name, gait, time, signals, used, entry.starts_at_gait_time_s, entry.noise_m, entry.fps)
+    return Trial(entry.name, drive, time, signals, used, entry.starts_at_gait_time_s, entry.noise_m, entry.fps)
 
 
-def _gait(reference: str, path: Path, problem: Problem, source: str) -> Gait:
+def _drive(reference: str, path: Path, problem: Problem, source: str) -> Drive:
     if reference in problem.baselines:
         return problem.baselines[reference]
     if not (path.parent / reference).is_file():
@@ -185,8 +181,8 @@ def _beside(path: Path, name: str, key: str) -> Path:
     return found
 
 
-def _time(table: Table, entry: TrialFile, gait: Gait, source: str) -> Series:
-    """Return the time stamps in s, checked against the commanded period."""
+def _time(table: Table, entry: TrialFile, drive: Drive, source: str) -> Series:
+    """Return the time stamps in s, checked against the length of the drive's blocks."""
     scale = suffix_scale(source, "time", entry.time, TIME)
     time = table.column(entry.time) * scale
     blank = np.flatnonzero(~np.isfinite(time))
@@ -198,14 +194,15 @@ def _time(table: Table, entry: TrialFile, gait: Gait, source: str) -> Series:
         raise GaitoptError(f"{table.source}: line {line}: time goes backward, from {at[0]:g} to {at[1]:g} s")
     steps = np.diff(time)
     frame = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    if time[-1] - time[0] + frame < _WHOLE_CYCLES * gait.period_s * (1.0 - 1e-9):
+    block, noun = drive.block_s, "block" if drive.period_s is None else "cycle"
+    if time[-1] - time[0] + frame < _WHOLE_BLOCKS * block * (1.0 - 1e-9):
         raise GaitoptError(
-            f"{table.source}: {time[-1] - time[0]:.4g} s are fewer than two cycles of {gait.period_s:g} s"
+            f"{table.source}: {time[-1] - time[0]:.4g} s are fewer than two {noun}s of {block:g} s"
         )
-    if frame > gait.period_s / _SAMPLES_PER_CYCLE:
+    if frame > block / _SAMPLES_PER_BLOCK:
         raise GaitoptError(
-            f"{table.source}: {entry.time}: samples {frame:.4g} s apart are fewer than {_SAMPLES_PER_CYCLE} "
-            f"a cycle of {gait.period_s:g} s; are they milliseconds?"
+            f"{table.source}: {entry.time}: samples {frame:.4g} s apart are fewer than {_SAMPLES_PER_BLOCK} "
+            f"a {noun} of {block:g} s; are they milliseconds?"
         )
     return time
 

@@ -118,21 +118,17 @@ def _jump(series: Series) -> float:
     return max(10.0 * quantum_of(finite), 2.0 * float(np.quantile(steps, 0.95, method="lower")))
 
 
-def outliers(trial: Trial, period: float | None) -> Found:
-    """The marker jumped elsewhere and back; what recurs at the same phase of each cycle is motion.
-
-    Args:
-        trial: the recording.
-        period: of the gait, s; None where it is not known.
-    """
+def outliers(trial: Trial) -> Found:
+    """The marker jumped elsewhere and back; what recurs at the same phase of each cycle is motion."""
+    period = trial.drive.period_s
     flags = np.zeros(len(trial.time), dtype=bool)
-    in_an_eighth = trial.period / trial.frame_s / 8.0
+    in_an_eighth = trial.drive.block_s / trial.frame_s / 8.0
     window = int(np.clip(in_an_eighth, 3, _OUTLIER_WINDOW)) // 2 * 2 + 1
     for name, series in markers(trial).items():
         keep = np.flatnonzero(trial.used[name])
         if len(keep) < _OUTLIER_WINDOW:
             continue
-        limit = max(_OUTLIER_SIGMAS * noise_of(series[keep]), _OUTLIER_RANGE * cycle_range(trial, name))
+        limit = max(_OUTLIER_SIGMAS * noise_of(series[keep]), _OUTLIER_RANGE * block_range(trial, name))
         flags[keep] |= _far(trial.time[keep], series[keep], window, limit, period)
     if not flags.any():
         return trial, None
@@ -222,13 +218,13 @@ def markers(trial: Trial) -> dict[str, Series]:
     return {name: series for name, series in trial.signals.items() if is_marker(name)}
 
 
-def cycle_range(trial: Trial, name: str) -> float:
-    """Return how far a signal goes within a cycle, the median over cycles, in its unit."""
+def block_range(trial: Trial, name: str) -> float:
+    """Return how far a signal goes within a block, the median over blocks, in its unit."""
     keep = trial.used[name]
     time, series = trial.time[keep], trial.signals[name][keep]
-    number = ((time - time[0]) / trial.period).astype(int)
-    cycles = np.split(series, np.flatnonzero(np.diff(number)) + 1)
-    return float(np.median([np.ptp(cycle) for cycle in cycles]))
+    number = ((time - time[0]) / trial.drive.block_s).astype(int)
+    blocks = np.split(series, np.flatnonzero(np.diff(number)) + 1)
+    return float(np.median([np.ptp(block) for block in blocks]))
 
 
 def runs(flags: Flags) -> list[tuple[int, int]]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import tomli_w
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.core.files import csv_text, validated, write_text
@@ -20,7 +20,6 @@ from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import DATASET_FILE, DataSetFile, Trial
 from gaitopt.diagnose.record.defects import Defect, counted, spans_of
 from gaitopt.diagnose.record.tables import read_rows, table
-from gaitopt.gait.gait import Channel, Gait
 
 Series = NDArray[np.float64]
 
@@ -33,7 +32,20 @@ LIKELY = 0.6
 _HEAD_LINES = 500
 """Lines that tell how a file's cells are parted."""
 
-_UNKNOWN_GAIT = Gait(1.0, {"": Channel(duty=0.5, phase=0.0, amplitude_deg=0.0)})
+
+@dataclass(frozen=True)
+class UnknownDrive:
+    """Commands that an export does not say: nothing is known of them but a block length to judge defects by."""
+
+    name: str = ""
+    key: str = "unknown"
+    period_s: None = None
+    block_s: float = 1.0
+    duration_s: None = None
+
+    def targets(self, t: ArrayLike) -> Series:
+        """Raise an error: the targets are not known."""
+        raise GaitoptError("the commands of an export are not known before it is part of a data set")
 
 
 @dataclass(frozen=True)
@@ -96,7 +108,7 @@ def import_file(path: Path, options: Options) -> Imported:
         )
     program, time, signals, defects = reader(path, rows, options)
     order = np.argsort(time, kind="stable") if program == "SLEAP" else np.arange(len(time))
-    trial = Trial.of(path.stem, _UNKNOWN_GAIT, time[order], {n: s[order] for n, s in signals.items()})
+    trial = Trial.of(path.stem, UnknownDrive(), time[order], {n: s[order] for n, s in signals.items()})
     if np.isnan(trial.time).any():
         raise GaitoptError(f"{path}: {int(np.isnan(trial.time).sum())} time stamps are missing")
     backward = np.flatnonzero(np.diff(trial.time) < 0.0)
@@ -104,7 +116,7 @@ def import_file(path: Path, options: Options) -> Imported:
         raise GaitoptError(f"{path}: time goes backward after {trial.time[backward[0]]:g} s")
     if not any(used.any() for used in trial.used.values()) or len(np.unique(trial.time)) < 3:
         raise GaitoptError(f"{path}: fewer than three samples")
-    found = clean(trial, None).defects
+    found = clean(trial).defects
     return Imported(program, trial.time, trial.signals, (*defects, *found))
 
 

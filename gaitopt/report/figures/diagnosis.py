@@ -200,7 +200,7 @@ def _floors(trial: TrialGap, name: str, component: str) -> float:
 
 def gap_map(diagnosis: Diagnosis) -> Figure:
     """Draw the gap inside the cycle by phase, in floors: one row for each signal of each trial."""
-    rows = [(trial, name) for trial in diagnosis.trials for name in trial.splits]
+    rows = [(t, name) for t in diagnosis.trials for name in t.splits if len(t.splits[name].by_phase)]
     values = np.stack([_by_phase(trial, name) for trial, name in rows])
     figure = Figure(figsize=(_WIDTH, 0.28 * len(rows) + 1.2), layout="constrained")
     axes = figure.subplots()

@@ -37,21 +37,21 @@ class Ghost:
 
 
 def ghost_of(simulator: Simulator, trial: Trial, trajectory: Trajectory) -> Ghost:
-    """Return the marker of a trial beside a rollout of the trial's gait.
+    """Return the marker of a trial beside a rollout of the trial's drive.
 
     A recording has an origin of its own: the ghost starts where the simulated marker is, in the mean over
-    its first cycle, so that a difference in speed shows as a growing distance.
+    its first block, so that a difference in speed shows as a growing distance.
 
     Args:
         simulator: the robot that was simulated.
         trial: the trial.
-        trajectory: its gait, from gait time 0 to the recording's end or beyond.
+        trajectory: what its drive makes, from gait time 0 to the recording's end or beyond.
 
     Raises:
         GaitoptError: the trial has no marker, or the simulation failed.
     """
     observed = simulator.observe(trajectory)
-    aligned = align(clean(trial, trial.period).trial, observed)
+    aligned = align(clean(trial).trial, observed)
     positions = np.stack(
         [np.interp(aligned.time, observed.time, observed[f"marker.{axis}"]) for axis in "xyz"], axis=1
     )
@@ -60,7 +60,7 @@ def ghost_of(simulator: Simulator, trial: Trial, trajectory: Trajectory) -> Ghos
         raise GaitoptError(f"trial {trial.name}: no marker was measured, so there is none to show")
     for axis in measured:
         residual = aligned.residual[f"marker.{axis}"]
-        early = residual[aligned.time <= aligned.time[0] + trial.period]
+        early = residual[aligned.time <= aligned.time[0] + trial.drive.block_s]
         origin = float(np.nanmean(early)) if np.isfinite(early).any() else 0.0
         positions[:, "xyz".index(axis)] += residual - origin
     seen = np.isfinite(positions).all(axis=1)
@@ -74,7 +74,7 @@ def trial_of(dataset: DataSet, gait: Gait) -> Trial:
         GaitoptError: there is none.
     """
     for trial in dataset.trials:
-        if trial.gait.to_dict() == gait.to_dict():
+        if trial.drive.key == gait.key:
             return trial
-    there = ", ".join(dict.fromkeys(trial.gait.name for trial in dataset.trials))
+    there = ", ".join(dict.fromkeys(trial.drive.name for trial in dataset.trials))
     raise GaitoptError(f"{dataset.source}: no trial of {gait.name}; allowed: a gait measured there: {there}")
