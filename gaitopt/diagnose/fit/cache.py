@@ -39,7 +39,14 @@ class SimulationCache:
         said = (versions_text(), file, sorted((problem.carried or {}).items()), simulator.fidelity, seed)
         digest = hashlib.sha256(repr(said).encode())
         for trial in dataset.trials:
-            entry = (trial.name, trial.drive.key, trial.starts_at_s, trial.noise_m, trial.fps, list(trial.signals))
+            entry = (
+                trial.name,
+                trial.drive.key,
+                trial.starts_at_s,
+                trial.noise_m,
+                trial.fps,
+                list(trial.signals),
+            )
             digest.update(repr(entry).encode())
             for series in (trial.time, *trial.signals.values()):
                 digest.update(series.tobytes())

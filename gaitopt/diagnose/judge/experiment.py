@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from gaitopt.diagnose.gap.align import square_apart
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.evidence import Candidate, probabilities
 from gaitopt.diagnose.judge.small_errors import perturbed_robots
+from gaitopt.gait.drive import Drive
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
 from gaitopt.robot.signals import is_marker
@@ -30,6 +31,7 @@ from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
 Array = NDArray[np.float64]
+D = TypeVar("D", bound=Drive)
 
 SECONDS = 8.0
 """Length of the proposed recording; at least two cycles."""
@@ -87,7 +89,7 @@ class Experiment:
 def propose(
     simulator: Simulator,
     found: Causes,
-    measured: Sequence[Gait],
+    measured: Sequence[Drive],
     signals: Sequence[str],
     executor: Executor,
     seed: int,
@@ -97,7 +99,7 @@ def propose(
     Args:
         simulator: the nominal robot, whose problem's gaits are searched.
         found: the diagnosis so far.
-        measured: gaits that were measured already.
+        measured: the drives of the trials so far.
         signals: what a recording measures.
         executor: where gaits are simulated.
         seed: seed of the gaits and robots drawn.
@@ -136,10 +138,12 @@ def propose(
     )
 
 
-def _searched(judge: GaitScorer, problem: Problem, measured: Sequence[Gait], seed: int) -> list[GaitScore]:
+def _searched(
+    judge: GaitScorer, problem: Problem, measured: Sequence[Drive], seed: int
+) -> list[GaitScore[Gait]]:
     """Return what baselines, gaits drawn at random and gaits near the best of them would tell."""
     space, rng = problem.space, generator(seed, Stream.EXPERIMENT_CANDIDATES)
-    keys = {gait.key for gait in measured}
+    keys = {drive.key for drive in measured}
     points = [space.encode(gait) for gait in problem.baselines.values() if gait.key not in keys]
     points += list(rng.random((_RANDOM, len(space.variables))))
     scores = judge([space.decode(point) for point in points])
@@ -165,7 +169,7 @@ def _candidates(found: Causes) -> tuple[list[Candidate], Array]:
     return [found.candidates[i] for i in chosen], weights / weights.sum()
 
 
-def _inseparable(names: Sequence[str], scores: Sequence[GaitScore]) -> list[list[str]]:
+def _inseparable(names: Sequence[str], scores: Sequence[GaitScore[Any]]) -> list[list[str]]:
     """Return each two effects of which some targets differ by less than a floor on every gait."""
     widest = np.max([score.apart for score in scores], axis=0)
     alike = [(names[i], names[j]) for j in range(len(names)) for i in range(j) if widest[i, j] < 1.0]
@@ -174,7 +178,7 @@ def _inseparable(names: Sequence[str], scores: Sequence[GaitScore]) -> list[list
 
 
 @dataclass(frozen=True)
-class GaitScore:
+class GaitScore(Generic[D]):
     """What a recording of a gait is expected to tell.
 
     Attributes:
@@ -186,7 +190,7 @@ class GaitScore:
         chances: each candidate's probability before it, shape (candidates,).
     """
 
-    gait: Gait
+    gait: D
     squares: Array
     signals: int
     names: tuple[str, ...]
@@ -218,7 +222,7 @@ class GaitScore:
         return other
 
 
-def _wrong(score: GaitScore) -> float:
+def _wrong(score: GaitScore[Gait]) -> float:
     return score.wrong
 
 
@@ -243,7 +247,7 @@ class GaitScorer:
     signals: tuple[str, ...]
     executor: Executor
 
-    def __call__(self, gaits: Sequence[Gait]) -> list[GaitScore]:
+    def __call__(self, gaits: Sequence[D]) -> list[GaitScore[D]]:
         """Return what each gait would tell; those are left out that one of the robots cannot walk."""
         every = [*self.robots, *(robot for _, robot in self.drawn)]
         futures = [[self.executor.submit(_recorded, robot, gait) for robot in every] for gait in gaits]
@@ -254,7 +258,7 @@ class GaitScorer:
                 scores.append(self._score(gait, paths))
         return scores
 
-    def _score(self, gait: Gait, paths: Sequence[Trajectory]) -> GaitScore:
+    def _score(self, gait: D, paths: Sequence[Trajectory]) -> GaitScore[D]:
         count = len(self.robots)
         candidates = paths[:count]
         drawn = [(candidates[i], path) for (i, _), path in zip(self.drawn, paths[count:], strict=True)]
@@ -269,5 +273,5 @@ class GaitScorer:
         return GaitScore(gait, squares + squares.T, len(self.signals), self.names, self.chances)
 
 
-def _recorded(robot: Simulator, gait: Gait) -> Trajectory:
-    return robot.observe(robot.run(gait, 0, max(SECONDS, 2.0 * gait.period_s)))
+def _recorded(robot: Simulator, drive: Drive) -> Trajectory:
+    return robot.observe(robot.run(drive, 0, max(SECONDS, 2.0 * drive.block_s)))

@@ -12,9 +12,9 @@ from gaitopt.diagnose.record.dataset import Flags, Series, Trial
 from gaitopt.diagnose.record.defects import (
     Defect,
     Found,
+    block_range,
     bridged,
     counted,
-    block_range,
     errors_of,
     markers,
     noise_of,

@@ -159,7 +159,9 @@ def _trial(entry: TrialFile, path: Path, problem: Problem, measurable: list[str]
     time = _time(table, entry, drive, source)
     signals = {name: _series(table, name, column, source) for name, column in entry.signals.items()}
     used = {name: np.isfinite(series) for name, series in signals.items()}
-    return Trial(entry.name, drive, time, signals, used, entry.starts_at_gait_time_s, entry.noise_m, entry.fps)
+    return Trial(
+        entry.name, drive, time, signals, used, entry.starts_at_gait_time_s, entry.noise_m, entry.fps
+    )
 
 
 def _drive(reference: str, path: Path, problem: Problem, source: str) -> Drive:

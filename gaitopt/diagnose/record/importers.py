@@ -35,7 +35,7 @@ _HEAD_LINES = 500
 
 @dataclass(frozen=True)
 class UnknownDrive:
-    """Commands that an export does not say: nothing is known of them but a block length to judge defects by."""
+    """Commands that an export does not name; only a block length to judge defects by is assumed."""
 
     name: str = ""
     key: str = "unknown"

@@ -54,7 +54,7 @@ def followed(shown: Take) -> NDArray[np.float64]:
     corners = _corners_of(shown, shown.poses[::every], own)
     middles = np.array([0.5 * (each.min(axis=0) + each.max(axis=0)) for each in corners])
     step = float(np.median(np.diff(sampled))) if len(middles) > 1 else 1.0
-    half = max(1, round(0.5 * shown.period_s / step))
+    half = max(1, round(0.5 * shown.block_s / step))
     smooth = (_running_mean(series, half) for series in middles.T)
     return np.stack([np.interp(time, sampled, series) for series in smooth], axis=1)
 

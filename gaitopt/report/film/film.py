@@ -26,14 +26,14 @@ FORMATS = (".mp4", ".gif", ".webp")
 def film_length(shown: Sequence[Take] | Sequence[Gait], settings: FilmSettings | None = None) -> float:
     """Return the default length of a film, s: whole cycles of the slowest gait."""
     settings = settings or defaults.DEFAULT.film
-    period = max(one.period_s for one in shown)
+    period = max(one.block_s for one in shown)
     return period * math.ceil(settings.min_s / period * (1.0 - 1e-12))
 
 
 def loop_rate(takes: Sequence[Take], settings: FilmSettings | None = None) -> float:
     """Return the pictures a second of a GIF or WebP: as few as show a cycle of the fastest gait."""
     settings = settings or defaults.DEFAULT.film
-    wanted = settings.pictures_per_cycle / min(shown.period_s for shown in takes)
+    wanted = settings.pictures_per_cycle / min(shown.block_s for shown in takes)
     return next((rate for rate in settings.loop_rates if rate >= wanted), settings.loop_rates[-1])
 
 

@@ -140,7 +140,8 @@ class Scene:
         marker = shown.trajectory.stacked("marker")
         travelled = float(shown.axes[0] @ (marker[index] - marker[0]))
         speed = "" if math.isnan(shown.speed_m_s) else f"   speed {length_text(shown.speed_m_s)}/s"
-        above = f"{shown.name}   period {shown.period_s:.3g} s{speed}"
+        period = "" if shown.period_s is None else f"   period {shown.period_s:.3g} s"
+        above = f"{shown.name}{period}{speed}"
         stripes = length_text(self._stripe_m, 0)
         below = f"t = {at:5.2f} s   travelled {length_text(travelled)}   stripes {stripes}"
         if shown.ghost is not None:

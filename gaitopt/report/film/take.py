@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.gap.predict import latest_gait_time
 from gaitopt.diagnose.record.dataset import Trial
+from gaitopt.gait.drive import Drive
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.robot import Robot
 from gaitopt.report.film.ghost import Ghost, ghost_of
@@ -28,7 +30,8 @@ class Take:
         trajectory: its motion, with poses.
         axes: forward, left and up as rows, shape (3, 3); see `Roles.axes`.
         name: the gait's name.
-        period_s: the gait's period.
+        period_s: the gait's period; None for commands without one.
+        block_s: length of a block, a gait's cycle.
         speed_m_s: its mean forward speed; NaN where it is not known.
         ghost: where the marker was measured, if that is to be shown.
     """
@@ -37,7 +40,8 @@ class Take:
     trajectory: Trajectory
     axes: NDArray[np.float64]
     name: str
-    period_s: float
+    period_s: float | None
+    block_s: float
     speed_m_s: float
     ghost: Ghost | None = None
 
@@ -57,28 +61,31 @@ class Take:
         return int(np.clip(np.searchsorted(time, at), 0, len(time) - 1))
 
 
-def take(simulator: Simulator, gait: Gait, duration: float | None = None) -> Take:
-    """Simulate a gait on the nominal robot and keep what its pictures need.
+def take(simulator: Simulator, drive: Drive, duration: float | None = None) -> Take:
+    """Simulate a drive on the nominal robot and keep what its pictures need.
 
     Args:
         simulator: the robot.
-        gait: what it does.
+        drive: the commands; a mean speed is measured of a gait only.
         duration: how long, s; at least the problem's horizon is simulated, for the mean speed.
 
     Raises:
         GaitoptError: the simulation failed.
     """
-    length = max(simulator.duration(gait), duration or 0.0)
-    trajectory = simulator.run(gait, duration=length, poses=True)
+    length = max(simulator.duration(drive), duration or 0.0)
+    trajectory = simulator.run(drive, duration=length, poses=True)
     if trajectory.status != "ok":
-        raise GaitoptError(f"{gait.name}: nothing to show: the simulation {trajectory.status}")
+        raise GaitoptError(f"{drive.name}: nothing to show: the simulation {trajectory.status}")
     model = simulator.models[0]
-    speed = measure(simulator.problem, gait, trajectory, Robot.of(model))["speed_m_s"]
-    return Take(model, trajectory, simulator.problem.roles.axes, gait.name, gait.period_s, speed)
+    speed = math.nan
+    if isinstance(drive, Gait):
+        speed = measure(simulator.problem, drive, trajectory, Robot.of(model))["speed_m_s"]
+    axes = simulator.problem.roles.axes
+    return Take(model, trajectory, axes, drive.name, drive.period_s, drive.block_s, speed)
 
 
 def take_beside(simulator: Simulator, trial: Trial, duration: float) -> Take:
-    """Simulate the gait of a trial and keep what its pictures need, with the measured marker.
+    """Simulate the drive of a trial and keep what its pictures need, with the measured marker.
 
     Args:
         simulator: the robot.
@@ -88,5 +95,5 @@ def take_beside(simulator: Simulator, trial: Trial, duration: float) -> Take:
     Raises:
         GaitoptError: the simulation failed, or no marker was measured.
     """
-    shown = take(simulator, trial.gait, max(duration, latest_gait_time(trial)))
+    shown = take(simulator, trial.drive, max(duration, latest_gait_time(trial)))
     return replace(shown, ghost=ghost_of(simulator, trial, shown.trajectory))
