@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from gaitopt.diagnose.gap.align import align
@@ -71,9 +71,17 @@ def test_a_clean_recording_has_none(seed, fps, noise_m):
     assert mismatched(trial) == []
 
 
+def _recurs(places: list[int]) -> bool:
+    """Whether outliers stand at the same phase of several cycles, as motion does."""
+    cycle = round(GAIT.period_s * FPS)
+    apart = [[abs((p - q + cycle // 2) % cycle - cycle // 2) for q in places if q != p] for p in places]
+    return any(sum(distance <= 2 for distance in row) >= 2 for row in apart)
+
+
 @given(st.lists(st.integers(5, 350), min_size=1, max_size=12, unique=True), st.sampled_from([-0.03, 0.03]))
 def test_outliers_are_masked_and_nothing_else(places, shift):
     places = [p for p in places if all(abs(p - q) > 3 or p == q for q in places)]
+    assume(not _recurs(places))
     trial = recorded()
     flags = np.isin(np.arange(len(trial.time)), places)
     cleaned = clean(with_samples(trial, flags, shift))

@@ -116,7 +116,10 @@ def _unit(trial: Trial, simulated: Trajectory, name: str) -> Defect | None:
     ratio = measured / expected
     known = next((words for words, scale in _LENGTHS.items() if 0.5 < ratio / scale < 2.0), None)
     guess = known or "they may be pixels, or the scale is wrong"
-    message = f"{name} moves {ratio:.3g} times as far in a {_block(trial)} as the simulated robot, in metres: {guess}"
+    message = (
+        f"{name} moves {ratio:.3g} times as far in a {_block(trial)} as the simulated robot, in metres: "
+        f"{guess}"
+    )
     return Defect("wrong_unit", trial.name, message, parameters={"ratio": ratio})
 
 

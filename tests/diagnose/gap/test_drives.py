@@ -15,6 +15,7 @@ import rigs
 from drives import Sampled, wandering
 from planting import dataset, filmed
 
+from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.diagnosis import Diagnosis, locate
 from gaitopt.diagnose.gap.predict import predict
 from gaitopt.diagnose.record.dataset import load_dataset
@@ -111,7 +112,7 @@ def test_a_log_is_filmed_without_a_period(arm: Problem) -> None:
 def test_a_trial_too_short_for_two_blocks_is_refused(arm: Problem, tmp_path: Path) -> None:
     time = np.arange(0.0, 0.8, 0.02)
     dataset(tmp_path, {"log": ("log", {"t_s": time, "elbow_rad": np.sin(time)})})
-    with pytest.raises(Exception, match="fewer than two blocks of 0.5 s"):
+    with pytest.raises(GaitoptError, match=r"fewer than two blocks of 0\.5 s"):
         load_dataset(tmp_path, arm, ["joint.elbow"])
 
 
