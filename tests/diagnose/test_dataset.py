@@ -91,7 +91,7 @@ def test_blank_samples_do_not_count_and_are_said(folder, arcfold):
     (trial,) = load_dataset(folder, arcfold, KNOWN).trials
     assert (~trial.used["marker.x"]).sum() == 2
     assert trial.used["joint.mid_left"].all()
-    (defect,) = clean(trial, 1.0).defects
+    (defect,) = clean(trial).defects
     assert (defect.name, defect.masked) == ("gaps", 2)
     assert "2 time stamps with a blank sample" in defect.message
 
