@@ -20,7 +20,7 @@ from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.diagnose.words import answer
 from gaitopt.effects import EFFECTS
 from gaitopt.gait.gait import Channel, Gait, read_gait, write_gait
-from gaitopt.optimise.compare import Row
+from gaitopt.optimise.compare import ComparedGait
 from gaitopt.optimise.compare import compare as _compare
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.journal import Journal
@@ -31,7 +31,8 @@ from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.runs.results import RunFolder, summary_of
+from gaitopt.runs.run_folder import RunFolder
+from gaitopt.runs.summary import Summary
 from gaitopt.simulation.check import Finding, check
 from gaitopt.simulation.metrics import Metrics, measure
 from gaitopt.simulation.objective import check_objective
@@ -103,7 +104,7 @@ def compare(
     seed: int = 1,
     workers: int | None = None,
     out: Path | str | None = None,
-) -> list[Row]:
+) -> list[ComparedGait]:
     """Return one row of figures for each gait over the same scenarios, each against the first.
 
     Args:
@@ -175,7 +176,7 @@ def optimise(
 
         with RunFolder.create(Path(out), problem, request) as run:
             optimised = _optimise(problem, request, Journal(run.journal, problem), executor, on_progress)
-            write_report(run, problem, optimised, summary_of(problem, optimised))
+            write_report(run, problem, optimised, Summary.of(problem, optimised))
             run.write_results(problem, optimised)
             return optimised
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from gaitopt.export.handover import Exported
     from gaitopt.gait.gait import Gait
     from gaitopt.problem.problem import Problem
+    from gaitopt.runs.summary import Summary
 
 COMMAND = "command"
 """Where the parser keeps the command's name."""
@@ -428,7 +429,7 @@ def _optimise(options: argparse.Namespace) -> None:
 
 def _demo(options: argparse.Namespace) -> None:
     from gaitopt.cli.demo import REQUEST, demo_problem
-    from gaitopt.runs.results import RunFolder
+    from gaitopt.runs.run_folder import RunFolder
 
     problem = demo_problem()
     folder = RunFolder.create(options.out, problem, REQUEST)
@@ -437,20 +438,20 @@ def _demo(options: argparse.Namespace) -> None:
 
 
 def _run_search(folder: Any, problem: Problem, request: Any, options: argparse.Namespace) -> None:
+    from gaitopt.core.json import to_json
     from gaitopt.report.report import answer_of
-    from gaitopt.runs.results import to_json
 
     with folder, _saying_how_to_resume(folder, problem):
         summary = folder.summary or _searched(folder, problem, request, options)
         if options.json:
-            print(to_json(summary), end="")
+            print(to_json(summary.to_dict()), end="")
         else:
             _print_summary(summary)
             print(answer_of(summary))
             print(f"report: {folder.path / 'report.html'}")
 
 
-def _searched(folder: Any, problem: Problem, request: Any, options: argparse.Namespace) -> dict[str, Any]:
+def _searched(folder: Any, problem: Problem, request: Any, options: argparse.Namespace) -> Summary:
     """Do or go on with the work of a run, and return its summary."""
     from gaitopt.cli.display import progress_display
     from gaitopt.optimise.executors import open_executor, working
@@ -459,7 +460,7 @@ def _searched(folder: Any, problem: Problem, request: Any, options: argparse.Nam
     from gaitopt.optimise.sensitivity import sensitivities
     from gaitopt.problem.model import carrying
     from gaitopt.report.report import write_report
-    from gaitopt.runs.results import summary_of
+    from gaitopt.runs.summary import Summary
 
     with (
         working(open_executor(options.executor, options.workers)) as executor,
@@ -469,8 +470,8 @@ def _searched(folder: Any, problem: Problem, request: Any, options: argparse.Nam
         optimised = optimise(problem, request, Journal(folder.journal, problem), executor, display)
         asked = options.full and options.sensitivities
         sensitive = sensitivities(problem, optimised.best.gait, request.seed, executor) if asked else []
-    write_report(folder, problem, optimised, summary_of(problem, optimised), options.full, sensitive)
-    summary: dict[str, Any] = folder.write_results(problem, optimised)  # last: it says that the run is done
+    write_report(folder, problem, optimised, Summary.of(problem, optimised), options.full, sensitive)
+    summary: Summary = folder.write_results(problem, optimised)  # last: it says that the run is done
     return summary
 
 
@@ -478,7 +479,7 @@ def _open_run(options: argparse.Namespace) -> tuple[Any, Problem, Any]:
     from gaitopt.core.errors import nearest
     from gaitopt.optimise.run import DEFAULT_BUDGET, Request
     from gaitopt.optimise.study import METHODS
-    from gaitopt.runs.results import RunFolder
+    from gaitopt.runs.run_folder import RunFolder
     from gaitopt.simulation.objective import check_objective
 
     if options.resume is not None:
@@ -490,7 +491,8 @@ def _open_run(options: argparse.Namespace) -> tuple[Any, Problem, Any]:
         if given or options.parameters:
             name = (given or ["set"])[0].replace("_", "-")
             raise GaitoptError(f"--{name}: not with --resume, which takes it from {options.resume}")
-        return RunFolder.reopen(options.resume)
+        reopened = RunFolder.reopen(options.resume)
+        return reopened.folder, reopened.problem, reopened.request
     problem = _load(options)
     budget = DEFAULT_BUDGET if options.budget is None else options.budget
     if budget < 1:
@@ -531,8 +533,8 @@ def _saying_how_to_resume(folder: Any, problem: Problem) -> Iterator[None]:
 
 
 def _plan(options: argparse.Namespace) -> None:
+    from gaitopt.core.json import to_json
     from gaitopt.plan.plan import MISSES, Planner, PlanSettings, plan_rows
-    from gaitopt.runs.results import to_json
 
     problem = _load(options)
     plan = Planner(problem, PlanSettings(seed=_seed(options.seed))).plan()
@@ -628,16 +630,16 @@ def _takes(options: argparse.Namespace, simulator: Any, gait: Gait) -> list[Any]
 
 def _sweep(options: argparse.Namespace) -> None:
     from gaitopt.core.files import write_text
-    from gaitopt.optimise.compare import Sweep, sweep
+    from gaitopt.core.json import to_json
     from gaitopt.optimise.executors import open_executor
+    from gaitopt.optimise.sweep import Sweep, sweep
     from gaitopt.report.report import write_sweep
-    from gaitopt.runs.results import to_json
 
     problem = _load(options)
     gait = _first_gait(problem, options.gait)
     points = Sweep.parse(options.over).points(problem, gait)
     with open_executor("threads", options.workers) as executor:
-        rows = sweep(points, executor)
+        rows = [row.to_dict() for row in sweep(points, executor)]
     folder = write_sweep(options.out, problem, points)
     write_text(folder / "sweep.json", to_json({"rows": rows}))
     _print_rows(rows, options.json)
@@ -656,10 +658,10 @@ def _first_gait(problem: Problem, name: str | None) -> Gait:
 def _compare(options: argparse.Namespace) -> None:
     from gaitopt.cli.display import print_comparison
     from gaitopt.core.folders import check_new_or_empty
+    from gaitopt.core.json import to_json
     from gaitopt.optimise.compare import compare
     from gaitopt.optimise.executors import open_executor
     from gaitopt.report.report import verdicts, write_comparison
-    from gaitopt.runs.results import to_json
     from gaitopt.simulation.objective import check_objective
 
     check_new_or_empty(options.out)
@@ -671,7 +673,7 @@ def _compare(options: argparse.Namespace) -> None:
     if options.out is not None:
         write_comparison(options.out, problem, gaits, rows, _seed(options.seed))
     if options.json:
-        print(to_json({"rows": rows}), end="")
+        print(to_json({"rows": [row.to_dict() for row in rows]}), end="")
     else:
         print_comparison(rows)
         for sentence in verdicts(rows):
@@ -682,8 +684,8 @@ def _compare(options: argparse.Namespace) -> None:
 def _check(options: argparse.Namespace) -> None:
     from gaitopt.cli.display import note
     from gaitopt.core.folders import check_new_or_empty
+    from gaitopt.core.json import to_json
     from gaitopt.optimise.executors import open_executor
-    from gaitopt.runs.results import to_json
     from gaitopt.simulation.check import check
 
     check_new_or_empty(options.out)
@@ -713,9 +715,9 @@ def _say_where(folder: Path | None) -> None:
 
 def _effects(options: argparse.Namespace) -> None:
     from gaitopt.cli.display import print_effects
+    from gaitopt.core.json import to_json
     from gaitopt.effects.active import table
     from gaitopt.problem.model import nominal_parts
-    from gaitopt.runs.results import to_json
 
     if options.problem is None and options.parameters:
         raise GaitoptError("--set: found no PROBLEM to set a parameter of")
@@ -813,7 +815,7 @@ def _check_resumed(options: argparse.Namespace) -> None:
 def _print_diagnosis(folder: Path, as_json: bool) -> None:
     """Print a finished diagnosis: its answer in words, or its file."""
     from gaitopt.core.files import read_json
-    from gaitopt.runs.results import to_json
+    from gaitopt.core.json import to_json
 
     path = folder / "diagnosis.json"
     content = read_json(path)
@@ -880,9 +882,9 @@ def _blind_make(options: argparse.Namespace) -> None:
 def _blind_score(options: argparse.Namespace) -> None:
     from gaitopt.blind.scoring import read_cases, score, sentences
     from gaitopt.cli.display import steps_display
+    from gaitopt.core.json import to_json
     from gaitopt.optimise.executors import open_executor
     from gaitopt.report.diagnosis_report import diagnose_folders
-    from gaitopt.runs.results import to_json
 
     diagnoses = options.diagnoses or options.folder / "diagnoses"
     with open_executor("threads", options.workers) as executor, steps_display(options.json) as note:
@@ -896,8 +898,8 @@ def _blind_score(options: argparse.Namespace) -> None:
 
 
 def _import(options: argparse.Namespace) -> None:
+    from gaitopt.core.json import to_json
     from gaitopt.diagnose.record.importers import Options, import_files
-    from gaitopt.runs.results import to_json
 
     given = Options(
         _positive("fps", options.fps),
@@ -933,9 +935,9 @@ def _positive(option: str, value: float | None) -> float | None:
 
 def _export(options: argparse.Namespace) -> None:
     from gaitopt.core.folders import check_new_or_empty
+    from gaitopt.core.json import to_json
     from gaitopt.export.handover import Choices, prepare
     from gaitopt.optimise.executors import open_executor
-    from gaitopt.runs.results import to_json
 
     problem = _load(options)
     gait = problem.find_gait(options.gait, in_range=False)
@@ -978,7 +980,7 @@ def _new(options: argparse.Namespace) -> None:
 
 def _print_rows(rows: list[dict[str, Any]], as_json: bool) -> None:
     from gaitopt.cli.display import print_rows
-    from gaitopt.runs.results import to_json
+    from gaitopt.core.json import to_json
 
     if as_json:
         print(to_json({"rows": rows}), end="")
@@ -986,18 +988,20 @@ def _print_rows(rows: list[dict[str, Any]], as_json: bool) -> None:
         print_rows(rows)
 
 
-def _print_summary(summary: dict[str, Any]) -> None:
+def _print_summary(summary: Summary) -> None:
+    from math import isfinite
+
     from gaitopt.cli.display import print_table
     from gaitopt.core.quantities import figure
 
     rows = []
-    for row in [summary["best"], *summary["baselines"]]:
-        met = "met" if row["constraints_met"] else "violated"
+    for row in [summary.best, *summary.baselines]:
+        met = "met" if row.constraints_met else "violated"
         low, speed, high = (
-            "-" if value is None else f"{1e3 * value:.1f}"  # a gait that fails has no speed
-            for value in (row["speed_ci90_m_s"][0], row["speed_m_s"], row["speed_ci90_m_s"][1])
+            f"{1e3 * value:.1f}" if isfinite(value) else "-"  # a gait that fails has no speed
+            for value in (row.speed_ci90_m_s[0], row.speed_m_s, row.speed_ci90_m_s[1])
         )
-        rows.append([row["name"], figure(row["period_s"]), speed, f"{low} to {high}", met])
+        rows.append([row.name, figure(row.period_s), speed, f"{low} to {high}", met])
     print_table(["gait", "period [s]", "speed [mm/s]", "90 % interval", "constraints"], rows)
 
 

@@ -16,6 +16,7 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from gaitopt.core.quantities import label_of, shown
+from gaitopt.optimise.compare import ComparedGait
 from gaitopt.optimise.study import Progress
 
 _PLAIN_EVERY_S = 10.0
@@ -147,16 +148,16 @@ def print_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     Console().print(table)
 
 
-def print_comparison(rows: Sequence[Mapping[str, Any]]) -> None:
+def print_comparison(rows: Sequence[ComparedGait]) -> None:
     """Print what `compare` found: each figure with half of its 90 % interval."""
     head = ["gait", "period\n[s]", "speed\n[mm/s]", "difference\n[mm/s]", "ratio", "more than\nnoise"]
     texts = []
     for index, row in enumerate(rows):
-        speed = _plus_minus(1e3 * row["speed_m_s"], row["speed_ci90_m_s"], 1e3)
-        apart = _plus_minus(1e3 * row["difference_m_s"], row["difference_ci90_m_s"], 1e3, "+.2f")
-        ratio = _plus_minus(row["ratio"], row["ratio_ci90"], 1.0)
-        against = [apart, ratio, shown("", row["more_than_noise"])] if index else [""] * 3
-        texts.append([str(row["name"]), shown("period_s", row["period_s"]), speed, *against])
+        speed = _plus_minus(1e3 * row.speed_m_s, row.speed_ci90_m_s, 1e3)
+        apart = _plus_minus(1e3 * row.difference_m_s, row.difference_ci90_m_s, 1e3, "+.2f")
+        ratio = _plus_minus(row.ratio, row.ratio_ci90, 1.0)
+        against = [apart, ratio, shown("", row.more_than_noise)] if index else [""] * 3
+        texts.append([row.name, shown("period_s", row.period_s), speed, *against])
     print_table(head, texts)
     print("± is half of the 90 % interval; differences and ratios are paired, scenario by scenario.")
 

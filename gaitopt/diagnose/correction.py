@@ -97,7 +97,7 @@ def _tuned(problem: Problem, starts: Sequence[Gait], executor: Executor) -> Gait
     space = problem.space
 
     def costs(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.array([evaluation.cost for evaluation, _ in evaluator([space.decode(p) for p in points])])
+        return np.array([one.evaluation.cost for one in evaluator([space.decode(p) for p in points])])
 
     points = np.array([space.encode(gait) for gait in starts])
     known = costs(points)

@@ -31,6 +31,24 @@ class Outcome:
     simulated_s: float
 
 
+@dataclass(frozen=True)
+class Evaluated:
+    """One gait over some scenarios.
+
+    Attributes:
+        evaluation: what it is worth.
+        outcomes: the outcome in each scenario.
+    """
+
+    evaluation: Evaluation
+    outcomes: list[Outcome]
+
+    @property
+    def simulated_s(self) -> float:
+        """Simulated seconds in all."""
+        return sum(outcome.simulated_s for outcome in self.outcomes)
+
+
 def assess(setup: RobotSetup, gait: Gait, scenario: int) -> Outcome:
     """Simulate and measure one gait in one scenario: the unit of work of every executor."""
     simulator, robot = prepared(setup)
@@ -63,11 +81,11 @@ class Evaluator:
         except CancelledError:
             raise GaitoptError("--executor: the connection to its workers was lost") from None
 
-    def __call__(self, gaits: Sequence[Gait]) -> list[tuple[Evaluation, list[Outcome]]]:
+    def __call__(self, gaits: Sequence[Gait]) -> list[Evaluated]:
         """Return evaluation and outcomes of each gait, in the order asked for."""
-        return [(judge(self.setup.problem, row, self.margin), row) for row in self.outcomes(gaits)]
+        return [Evaluated(judge(self.setup.problem, row, self.margin), row) for row in self.outcomes(gaits)]
 
-    def race(self, gaits: Sequence[Gait]) -> list[tuple[Evaluation, list[Outcome]]]:
+    def race(self, gaits: Sequence[Gait]) -> list[Evaluated]:
         """Return evaluation and outcomes of each gait; the worst in the first scenario see no other one.
 
         `RACED_ON` of the gaits see them all. The others cost at least what the worst of these costs, and
@@ -85,7 +103,9 @@ class Evaluator:
         judged = {i: judge(problem, row, self.margin) for i, row in rows.items()}
         worst = max((e.cost for e in judged.values() if e.status == "ok"), default=-math.inf)
         return [
-            (judged[i], rows[i]) if i in rows else (_dropped(alone[i], worst, count), first[i])
+            Evaluated(judged[i], rows[i])
+            if i in rows
+            else Evaluated(_dropped(alone[i], worst, count), first[i])
             for i in range(len(gaits))
         ]
 

@@ -63,9 +63,9 @@ def descended(
     for name, lower in _STEPS.items():
         candidate = replace(evaluator, setup=lower(evaluator.setup))
         judged = candidate(gaits)
-        correlation = _spearman(costs, np.array([evaluation.cost for evaluation, _ in judged]))
+        correlation = _spearman(costs, np.array([one.evaluation.cost for one in judged]))
         used = correlation >= TRUSTED
-        spent = sum(outcome.simulated_s for _, row in judged for outcome in row)
+        spent = sum(outcome.simulated_s for one in judged for outcome in one.outcomes)
         setting = candidate.setup
         measured_s = setting.problem.simulation.horizon.measured_s
         rungs.append(Rung(name, setting.fidelity.timestep_s, measured_s, correlation, used, spent))

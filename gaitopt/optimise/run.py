@@ -48,6 +48,34 @@ class Request:
 
 
 @dataclass(frozen=True)
+class WarmStart:
+    """The best planned gait in MuJoCo.
+
+    Attributes:
+        verified: the gait, verified.
+        predicted_speed_m_s: the speed that the plan predicts for it, m/s.
+    """
+
+    verified: Verified
+    predicted_speed_m_s: float
+
+
+@dataclass(frozen=True)
+class Selected:
+    """The winner among the finalists.
+
+    Attributes:
+        gait: the winner, called ``best``.
+        found_by: the method, or the baseline, that it comes from.
+        simulated_s: simulated seconds that the selection took.
+    """
+
+    gait: Gait
+    found_by: str
+    simulated_s: float
+
+
+@dataclass(frozen=True)
 class Optimised:
     """What the main job found.
 
@@ -55,7 +83,7 @@ class Optimised:
         request: what was asked for.
         entries: every evaluation of the search, in order.
         plan: the plan that the search started from; None for a cold search.
-        warm_start: the best planned gait in MuJoCo, verified, with its predicted speed in m/s.
+        warm_start: the best planned gait in MuJoCo; None for a cold search.
         rank_correlation: Spearman's of planar and MuJoCo speeds over random gaits; None for a cold search.
         notes: what the user should know, such as why the search was cold.
         found_by: the method, or the baseline, that the winner comes from.
@@ -70,7 +98,7 @@ class Optimised:
     request: Request
     entries: list[Entry]
     plan: Plan | None
-    warm_start: tuple[Verified, float] | None
+    warm_start: WarmStart | None
     rank_correlation: float | None
     notes: tuple[str, ...]
     found_by: str
@@ -104,18 +132,16 @@ def optimise(
     study = Study(evaluator, journal, request.budget, request.seed, on_progress)
     baselines = list(problem.baselines.values())
     known = evaluator(baselines)
-    starts = [(gait, evaluation.cost) for gait, (evaluation, _) in zip(baselines, known, strict=True)]
+    starts = [(gait, one.evaluation.cost) for gait, one in zip(baselines, known, strict=True)]
     planner, notes = _planner(problem, request)
     plan = planner.plan() if planner else None
     if plan is not None and not plan.elites:
         notes += ("no start of the plan converged, so the search is cold",)
     elites = plan.elites if plan else ()
     study.run(request.method, starts, [elite.gait for elite in elites], request.pareto, laddered=True)
-    winner, found_by, selection_s = _select(
-        problem, _finalists(study.entries, starts), request.seed, executor
-    )
+    winner = _select(problem, _finalists(study.entries, starts), request.seed, executor)
     planned = _best_elite(study.entries, elites)
-    gaits = [winner, *baselines, *([planned.gait] if planned else [])]
+    gaits = [winner.gait, *baselines, *([planned.gait] if planned else [])]
     best, *others = verify(problem, gaits, request.seed, executor)
     notes += _drift_notes(plan, others[: len(baselines)]) if plan else ()
     notes += _failure_notes(study.entries, [gait.name for gait in baselines], others)
@@ -123,7 +149,9 @@ def optimise(
     named = [Gait(e.gait.period_s, e.gait.channels, f"front-{i}") for i, e in enumerate(chosen, 1)]
     front = verified_front(chosen, verify(problem, named, request.seed, executor))
     correlation, sample_s = _correlation(evaluator, planner, request.seed) if planner else (None, 0.0)
-    simulated = sum(outcome.simulated_s for _, row in known for outcome in row) + selection_s + sample_s
+    simulated = sum(outcome.simulated_s for one in known for outcome in one.outcomes)
+    simulated += winner.simulated_s
+    simulated += sample_s
     simulated += sum(entry.simulated_s for entry in study.entries)
     simulated += sum(verified.simulated_s for verified in [best, *others])
     simulated += sum(gait.verified.simulated_s for gait in front)
@@ -132,10 +160,10 @@ def optimise(
         request=request,
         entries=study.entries,
         plan=plan,
-        warm_start=(others[-1], planned.predicted_speed_m_s) if planned else None,
+        warm_start=WarmStart(others[-1], planned.predicted_speed_m_s) if planned else None,
         rank_correlation=correlation,
         notes=notes,
-        found_by=found_by,
+        found_by=winner.found_by,
         best=best,
         baselines=others[: len(baselines)],
         simulated_s=simulated,
@@ -209,21 +237,19 @@ def _correlation(evaluator: Evaluator, planner: Planner, seed: int) -> tuple[flo
     return float(stats.spearmanr(*zip(*pairs, strict=True)).statistic), simulated_s
 
 
-def _select(
-    problem: Problem, finalists: list[tuple[Gait, str]], seed: int, executor: Executor
-) -> tuple[Gait, str, float]:
-    """Return the best of the finalists on fresh scenarios, who found it, and the simulated seconds.
+def _select(problem: Problem, finalists: list[tuple[Gait, str]], seed: int, executor: Executor) -> Selected:
+    """Return the best of the finalists on fresh scenarios.
 
-    The search's own best is the luckiest on its few scenarios; a fresh draw is not so easily fooled.
+    The best gait of the search is partly the luckiest on its few scenarios; fresh scenarios correct that.
     """
     scenarios = scenarios_of(problem, seed, Stream.SELECTION_SCENARIOS)
     setting = RobotSetup.of(problem, scenarios, problem.simulation.working)
     evaluator = Evaluator(setting, executor, problem.file.objective.search_margin)
     judged = evaluator([gait for gait, _ in finalists])
-    costs = [evaluation.cost for evaluation, _ in judged]
+    costs = [one.evaluation.cost for one in judged]
     gait, found_by = finalists[costs.index(min(costs))]
-    spent = sum(outcome.simulated_s for _, row in judged for outcome in row)
-    return Gait(gait.period_s, gait.channels, "best"), found_by, spent
+    spent = sum(outcome.simulated_s for one in judged for outcome in one.outcomes)
+    return Selected(Gait(gait.period_s, gait.channels, "best"), found_by, spent)
 
 
 def _finalists(entries: list[Entry], starts: Sequence[tuple[Gait, float]]) -> list[tuple[Gait, str]]:

@@ -15,11 +15,10 @@ from gaitopt.core.streams import Stream, generator
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.optimise import ladder, pareto
-from gaitopt.optimise.evaluator import Evaluator, Outcome
+from gaitopt.optimise.evaluator import Evaluated, Evaluator
 from gaitopt.optimise.journal import WORKING, Entry, Journal, at_rung, ranked
 from gaitopt.optimise.solvers import cma_es, nelder_mead, surrogate
 from gaitopt.optimise.solvers.solution import Box
-from gaitopt.simulation.objective import Evaluation
 
 METHODS = ("default", "cma-es", "nelder-mead")
 
@@ -62,7 +61,7 @@ class Progress:
     simulated_s: float
 
 
-Judge = Callable[[Sequence[Gait]], list[tuple[Evaluation, list[Outcome]]]]
+Judge = Callable[[Sequence[Gait]], list[Evaluated]]
 """What judges gaits: an `Evaluator`, or its race."""
 
 
@@ -262,9 +261,10 @@ class Study:
         first = len(self.entries)
         gaits = [self._space.decode(point, f"candidate-{first + i}") for i, point in enumerate(points)]
         entries = []
-        for i, (evaluation, outcomes) in enumerate(judge(gaits)):
-            simulated = sum(outcome.simulated_s for outcome in outcomes)
-            entries.append(Entry(first + i, method, points[i], gaits[i], evaluation, simulated, rung))
+        for i, one in enumerate(judge(gaits)):
+            entries.append(
+                Entry(first + i, method, points[i], gaits[i], one.evaluation, one.simulated_s, rung)
+            )
         return entries
 
 

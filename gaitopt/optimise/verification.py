@@ -70,7 +70,7 @@ def verify(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executo
     scenarios = scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS)
     evaluator = Evaluator(RobotSetup.of(problem, scenarios, problem.simulation.reference), executor)
     verified = []
-    for gait, (evaluation, outcomes) in zip(gaits, evaluator(gaits), strict=True):
-        speeds = np.array([outcome.metrics["speed_m_s"] for outcome in outcomes])
-        verified.append(Verified(gait, evaluation, speeds, sum(o.simulated_s for o in outcomes)))
+    for gait, one in zip(gaits, evaluator(gaits), strict=True):
+        speeds = np.array([outcome.metrics["speed_m_s"] for outcome in one.outcomes])
+        verified.append(Verified(gait, one.evaluation, speeds, one.simulated_s))
     return verified

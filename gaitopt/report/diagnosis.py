@@ -23,7 +23,7 @@ from gaitopt.report.figures import plots as gait_plots
 from gaitopt.report.page import Page, Picture, Section, Table, folded, image_section, save_figures
 from gaitopt.report.report import gait_table
 from gaitopt.robot.signals import is_marker
-from gaitopt.runs.results import write_into
+from gaitopt.runs.folder import write_into
 from gaitopt.simulation.rollout import Simulator
 
 _SHOWN_EFFECTS = 8

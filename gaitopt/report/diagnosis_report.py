@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gaitopt.blind.cases import NOMINAL_FOLDER
 from gaitopt.core.files import write_text
+from gaitopt.core.json import to_json
 from gaitopt.diagnose.correction import walked_gaits
 from gaitopt.diagnose.diagnosis import Diagnosis, diagnose
 from gaitopt.diagnose.fit.cache import SimulationCache
@@ -19,7 +20,7 @@ from gaitopt.gait.gait import write_gait
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.report.diagnosis import write_page
-from gaitopt.runs.results import held, new_folder, to_json, write_into, write_problem
+from gaitopt.runs.folder import held, new_folder, write_into, write_problem
 from gaitopt.simulation.rollout import Simulator
 
 CORRECTED_FILE = "corrected.toml"

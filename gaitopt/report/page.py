@@ -16,7 +16,7 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from gaitopt.report import settings as defaults
-from gaitopt.runs.results import write_into
+from gaitopt.runs.folder import write_into
 
 _UNIT = r"mm/s|mm|m/s|ms|m|s|°/s|°|rad/s|rad|N m|Hz|gaits|times"
 

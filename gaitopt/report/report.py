@@ -9,11 +9,14 @@ from typing import Any
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text, write_with
+from gaitopt.core.json import to_json
 from gaitopt.core.quantities import figure, label_of, shown, title_of
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.ladder import TRUSTED
+from gaitopt.optimise.compare import ComparedGait
+from gaitopt.optimise.ladder import TRUSTED, Rung
 from gaitopt.optimise.run import Optimised
 from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, Sensitivity
+from gaitopt.optimise.sweep import SweepPoint
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Objective
 from gaitopt.problem.robot import Robot
@@ -31,9 +34,10 @@ from gaitopt.report.page import (
     writer,
 )
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.runs.results import RunFolder, new_folder, to_json, write_into
+from gaitopt.runs.folder import new_folder, write_into
+from gaitopt.runs.run_folder import RunFolder
+from gaitopt.runs.summary import GaitRow, Summary
 from gaitopt.simulation.check import REMEDIES
-from gaitopt.simulation.metrics import METRICS
 from gaitopt.simulation.rollout import Simulator
 
 Pictures = dict[str, Picture]
@@ -43,7 +47,7 @@ def write_report(
     folder: RunFolder,
     problem: Problem,
     optimised: Optimised,
-    summary: Mapping[str, Any],
+    summary: Summary,
     full: bool = False,
     sensitive: Sequence[Sensitivity] = (),
 ) -> None:
@@ -69,7 +73,7 @@ def write_report(
         answer=answer_of(summary),
         asked=_asked(problem, summary),
         tiles=_tiles(summary),
-        notes=[*summary["notes"], *notes],
+        notes=[*summary.notes, *notes],
         sections=[
             *films,
             Section("Optimised against hand-tuned", table=_speed_table(summary)),
@@ -82,38 +86,31 @@ def write_report(
     folder.file("report.html", lambda path: write_text(path, page.html()))
 
 
-def answer_of(summary: Mapping[str, Any]) -> str:
+def answer_of(summary: Summary) -> str:
     """Return the result of a run in one sentence."""
-    best = summary["best"]
-    speed, (low, high) = best["speed_m_s"], best["speed_ci90_m_s"]
-    if speed is None or not _finite(speed):
-        return f"The best gait of the search failed where it was verified: {best['status']}."
+    best = summary.best
+    speed, (low, high) = best.speed_m_s, best.speed_ci90_m_s
+    if not _finite(speed):
+        return f"The best gait of the search failed where it was verified: {best.status}."
     text = (
         f"The best gait crawls at {1e3 * speed:.1f} mm/s (90 % interval {1e3 * low:.1f} to {1e3 * high:.1f})"
     )
-    ratio = summary["ratio_to_best_baseline"]
-    if ratio is not None:
-        fastest = _fastest(summary)
-        text += f", {ratio:.2f} times the fastest hand-tuned gait, {fastest['name']}"
-    met = "meets every constraint" if best["constraints_met"] else f"violates {_names(best['violations'])}"
+    ratio, fastest = summary.ratio_to_best_baseline, summary.fastest_baseline
+    if ratio is not None and fastest is not None:
+        text += f", {ratio:.2f} times the fastest hand-tuned gait, {fastest.name}"
+    met = "meets every constraint" if best.constraints_met else f"violates {_names(best.violations)}"
     return f"{text}, and {met}."
 
 
-def _fastest(summary: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the row of the fastest baseline; one whose simulation failed has no speed."""
-    able = [row for row in summary["baselines"] if row["speed_m_s"] is not None and _finite(row["speed_m_s"])]
-    return max(able or summary["baselines"], key=lambda row: row["speed_m_s"])
-
-
-def _pictures(simulator: Simulator, optimised: Optimised, summary: Mapping[str, Any]) -> Pictures:
+def _pictures(simulator: Simulator, optimised: Optimised, summary: Summary) -> Pictures:
     problem, best = simulator.problem, optimised.best.gait
     robot = Robot.of(simulator.models[0])
     trajectories = nominal_trajectories(problem, {"best": best, **problem.baselines})
-    hand_tuned = {row["name"]: row["speed_m_s"] for row in summary["baselines"]}
+    hand_tuned = {row.name: row.speed_m_s for row in summary.baselines}
     pictures = {
         "speeds": Picture(
             "Speed",
-            plots.speeds([summary["best"], *summary["baselines"]], best="best"),
+            plots.speeds([summary.best, *summary.baselines], best="best"),
             "Forward speed of the optimised gait (orange) and of each hand-tuned one, over scenarios that "
             "the search never saw. Bars whose intervals do not overlap differ by more than noise.",
         ),
@@ -205,16 +202,16 @@ def _sensitivity_pictures(sensitive: Sequence[Sensitivity]) -> Pictures:
 
 
 def film_section(
-    folder: Path, simulator: Simulator, optimised: Optimised, summary: Mapping[str, Any]
+    folder: Path, simulator: Simulator, optimised: Optimised, summary: Summary
 ) -> tuple[list[Section], list[str]]:
     """Film the winner beside the fastest baseline; where that cannot be, say why."""
     from gaitopt.report.film.film import write_film
     from gaitopt.report.film.take import take
 
     gaits = [optimised.best.gait]
-    if summary["baselines"]:
-        fastest = _fastest(summary)
-        gaits.append(simulator.problem.baselines[fastest["name"]])
+    fastest = summary.fastest_baseline
+    if fastest is not None:
+        gaits.append(simulator.problem.baselines[fastest.name])
     period = max(gait.period_s for gait in gaits)
     begin = simulator.problem.simulation.horizon.transient_s
     end = begin + period * max(1, round(defaults.DEFAULT.film_s / period))
@@ -232,11 +229,11 @@ def film_section(
 
 
 def write_comparison(
-    path: Path, problem: Problem, gaits: Sequence[Gait], rows: Sequence[Mapping[str, Any]], seed: int
+    path: Path, problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait], seed: int
 ) -> Path:
     """Write the page, the figures and the rows of a comparison, and return their folder."""
     folder = new_folder(path, f"{problem.name}-compare")
-    names = [str(row["name"]) for row in rows]
+    names = [row.name for row in rows]
     trajectories = nominal_trajectories(problem, dict(zip(names, gaits, strict=True)))
     pictures = {
         "speeds": Picture(
@@ -272,34 +269,35 @@ def write_comparison(
             Section("Over the same scenarios", table=_each_table(rows)),
             *([Section(f"Against {names[0]}", table=_paired_table(rows))] if len(rows) > 1 else []),
             *save_figures(folder, pictures),
-            folded(Section("All metrics", table=_all_metrics(rows, [_metrics(row) for row in rows]))),
+            folded(Section("All metrics", table=_all_metrics(rows))),
         ],
     )
     write_into(folder, "report.html", lambda file: write_text(file, page.html()))
-    write_into(folder, "compare.json", lambda file: write_text(file, to_json({"rows": rows})))
+    content = to_json({"rows": [row.to_dict() for row in rows]})
+    write_into(folder, "compare.json", lambda file: write_text(file, content))
     return folder
 
 
-def verdicts(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def verdicts(rows: Sequence[ComparedGait]) -> list[str]:
     """Return one sentence for each gait after the first: how it differs, and whether by more than noise."""
-    return [_verdict(row, rows[0]["name"]) for row in rows[1:]]
+    return [_verdict(row, rows[0].name) for row in rows[1:]]
 
 
-def _verdict(row: Mapping[str, Any], first: str) -> str:
-    difference, ends = 1e3 * row["difference_m_s"], [1e3 * end for end in row["difference_ci90_m_s"]]
+def _verdict(row: ComparedGait, first: str) -> str:
+    difference, ends = 1e3 * row.difference_m_s, [1e3 * end for end in row.difference_ci90_m_s]
     if not all(map(_finite, (difference, *ends))):
-        return f"{row['name']} cannot be compared with {first}: a simulation failed."
+        return f"{row.name} cannot be compared with {first}: a simulation failed."
     times = ""
-    if row["ratio"] is not None:
-        times = f", {row['ratio']:.2f} times its speed ({_interval(row['ratio_ci90'], '.2f', 1.0)})"
-    if not row["more_than_noise"]:
+    if row.ratio is not None and row.ratio_ci90 is not None:
+        times = f", {row.ratio:.2f} times its speed ({_interval(row.ratio_ci90, '.2f', 1.0)})"
+    if not row.more_than_noise:
         return (
-            f"{row['name']} differs from {first} by no more than noise: {difference:+.2f} mm/s "
+            f"{row.name} differs from {first} by no more than noise: {difference:+.2f} mm/s "
             f"(90 % interval {ends[0]:+.2f} to {ends[1]:+.2f}){times}."
         )
     low, high = sorted(map(abs, ends))
     return (
-        f"{row['name']} is {'faster' if difference > 0.0 else 'slower'} than {first} by "
+        f"{row.name} is {'faster' if difference > 0.0 else 'slower'} than {first} by "
         f"{abs(difference):.2f} mm/s (90 % interval {low:.2f} to {high:.2f}){times}: more than noise."
     )
 
@@ -365,11 +363,11 @@ def _where(rows: Sequence[Mapping[str, Any]], problem: Problem) -> str:
     return f", at {' and '.join(gaits)} alone" if some else ""
 
 
-def write_sweep(path: Path | None, problem: Problem, points: Sequence[tuple[Problem, Gait]]) -> Path:
+def write_sweep(path: Path | None, problem: Problem, points: Sequence[SweepPoint]) -> Path:
     """Write the overlaid and the separate plots of a sweep, and return their folder."""
     folder = new_folder(path, f"{problem.name}-sweep")
-    simulators = [Simulator.build(changed) for changed, _ in points]
-    gaits = [gait for _, gait in points]
+    simulators = [Simulator.build(point.problem) for point in points]
+    gaits = [point.gait for point in points]
     duration = max(s.duration(gait) for s, gait in zip(simulators, gaits, strict=True))
     trajectories = {
         gait.name: simulator.run(gait, duration=duration)
@@ -392,30 +390,30 @@ def nominal_trajectories(problem: Problem, gaits: Mapping[str, Gait]) -> dict[st
 # --- what is asked and answered -----------------------------------------------------------------
 
 
-def _asked(problem: Problem, summary: Mapping[str, Any]) -> dict[str, str]:
-    objective, verified = problem.file.objective, summary["verified"]
+def _asked(problem: Problem, summary: Summary) -> dict[str, str]:
+    objective, verified = problem.file.objective, summary.verified
     terms = (f"{'more' if w < 0.0 else 'less'} {title_of(name)}" for name, w in objective.terms.items())
-    started = "from planned gaits" if summary["warm_start"] else "cold"
+    started = "from planned gaits" if summary.warm_start else "cold"
     return {
         "Robot": f"{problem.name}{': ' * bool(problem.file.description)}{problem.file.description}",
         "For": f"{', '.join(terms)}{_rule(objective)}",
         "Limits on": _names(objective.constraints) or "nothing",
-        "Search": f"{summary['evaluations']} gaits, method {summary['method']}, started {started}, seed "
-        f"{summary['seed']}; {summary['simulated_s']:.0f} s simulated in {summary['wall_s']:.0f} s",
-        "Fidelity ladder": _laddered(summary["fidelity_ladder"]),
-        "Verified": f"over {verified['scenarios']} scenarios that the search never saw, at "
-        f"{figure(verified['timestep_s'])} s, {verified['integrator']}",
+        "Search": f"{summary.evaluations} gaits, method {summary.method}, started {started}, seed "
+        f"{summary.seed}; {summary.simulated_s:.0f} s simulated in {summary.wall_s:.0f} s",
+        "Fidelity ladder": _laddered(summary.fidelity_ladder),
+        "Verified": f"over {verified.scenarios} scenarios that the search never saw, at "
+        f"{figure(verified.timestep_s)} s, {verified.integrator}",
     }
 
 
-def _laddered(rungs: Sequence[Mapping[str, Any]]) -> str:
+def _laddered(rungs: Sequence[Rung]) -> str:
     """Return which cheaper rungs were measured, how well they rank and whether they were used."""
     said = []
     for rung in rungs:
-        ranks = f"rank correlation {rung['rank_correlation']:.3f}"
-        lower = f"{figure(rung['timestep_s'])} s steps, {figure(rung['measured_s'])} s measured"
-        fate = "used" if rung["used"] else f"refused: below {TRUSTED}"
-        said.append(f"{rung['name']} ({lower}): {ranks}, {fate}")
+        ranks = f"rank correlation {rung.rank_correlation:.3f}"
+        lower = f"{figure(rung.timestep_s)} s steps, {figure(rung.measured_s)} s measured"
+        fate = "used" if rung.used else f"refused: below {TRUSTED}"
+        said.append(f"{rung.name} ({lower}): {ranks}, {fate}")
     return "; ".join(said) or "none measured, every gait was judged at the working fidelity"
 
 
@@ -426,20 +424,20 @@ def _rule(objective: Objective) -> str:
     return f", by its {100 * share:.0f} % quantile over scenarios" if share else ", by its worst scenario"
 
 
-def _tiles(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    best = summary["best"]
-    low, high = (1e3 * end for end in best["speed_ci90_m_s"])
+def _tiles(summary: Summary) -> list[tuple[str, str]]:
+    best = summary.best
+    low, high = (1e3 * end for end in best.speed_ci90_m_s)
     tiles = [
-        (f"{1e3 * best['speed_m_s']:.1f} mm/s", f"forward speed, 90 % interval {low:.1f} to {high:.1f}"),
-        (f"{figure(best['period_s'])} s", f"period; {1e3 * best['stride_m']:.1f} mm a stride"),
+        (f"{1e3 * best.speed_m_s:.1f} mm/s", f"forward speed, 90 % interval {low:.1f} to {high:.1f}"),
+        (f"{figure(best.period_s)} s", f"period; {1e3 * best.stride_m:.1f} mm a stride"),
     ]
-    if summary["ratio_to_best_baseline"] is not None:
-        fastest = _fastest(summary)
-        tiles.insert(1, (f"{summary['ratio_to_best_baseline']:.2f} times", f"the speed of {fastest['name']}"))
-    met = "met" if best["constraints_met"] else "violated"
+    ratio, fastest = summary.ratio_to_best_baseline, summary.fastest_baseline
+    if ratio is not None and fastest is not None:
+        tiles.insert(1, (f"{ratio:.2f} times", f"the speed of {fastest.name}"))
+    met = "met" if best.constraints_met else "violated"
     return [
         *tiles,
-        (met, "constraints, in the mean" if best["constraints_met"] else _names(best["violations"])),
+        (met, "constraints, in the mean" if best.constraints_met else _names(best.violations)),
     ]
 
 
@@ -458,9 +456,9 @@ def _names(metrics: Mapping[str, object]) -> str:
 # --- tables -------------------------------------------------------------------------------------
 
 
-def _speed_table(summary: Mapping[str, Any]) -> Table:
-    rows = [summary["best"], *summary["baselines"]]
-    verified = summary["verified"]
+def _speed_table(summary: Summary) -> Table:
+    rows = [summary.best, *summary.baselines]
+    verified = summary.verified
     return Table(
         head=[
             *("gait", "period [s]", "speed [mm/s]", "90 % interval", "worst scenario"),
@@ -468,33 +466,33 @@ def _speed_table(summary: Mapping[str, Any]) -> Table:
         ],
         rows=[
             [
-                row["name"],
-                figure(row["period_s"]),
-                f"{1e3 * row['speed_m_s']:.1f}",
-                _interval(row["speed_ci90_m_s"], ".1f"),
-                f"{1e3 * row['speed_worst_m_s']:.1f}",
-                f"{1e3 * row['stride_m']:.1f}",
-                f"{row['metrics']['cost_of_transport']:.2f}",
+                row.name,
+                figure(row.period_s),
+                f"{1e3 * row.speed_m_s:.1f}",
+                _interval(row.speed_ci90_m_s, ".1f"),
+                f"{1e3 * row.speed_worst_m_s:.1f}",
+                f"{1e3 * row.stride_m:.1f}",
+                f"{row.metrics['cost_of_transport']:.2f}",
                 _constraints(row),
             ]
             for row in rows
         ],
-        note=f"Mean over {verified['scenarios']} scenarios that the search never saw.",
+        note=f"Mean over {verified.scenarios} scenarios that the search never saw.",
         mark_first=True,
         words=(7,),
     )
 
 
-def _each_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+def _each_table(rows: Sequence[ComparedGait]) -> Table:
     return Table(
         head=["gait", "period [s]", "speed [mm/s]", "90 % interval", "worst scenario", "constraints"],
         rows=[
             [
-                row["name"],
-                figure(row["period_s"]),
-                f"{1e3 * row['speed_m_s']:.2f}",
-                _interval(row["speed_ci90_m_s"], ".2f"),
-                f"{1e3 * row['speed_worst_m_s']:.2f}",
+                row.name,
+                figure(row.period_s),
+                f"{1e3 * row.speed_m_s:.2f}",
+                _interval(row.speed_ci90_m_s, ".2f"),
+                f"{1e3 * row.speed_worst_m_s:.2f}",
                 _constraints(row),
             ]
             for row in rows
@@ -503,21 +501,21 @@ def _each_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     )
 
 
-def _paired_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+def _paired_table(rows: Sequence[ComparedGait]) -> Table:
     return Table(
         head=["gait", "difference [mm/s]", "90 % interval", "ratio", "90 % interval", "more than noise"],
         rows=[
             [
-                row["name"],
-                f"{1e3 * row['difference_m_s']:+.2f}",
-                _interval(row["difference_ci90_m_s"], "+.2f"),
-                "–" if row["ratio"] is None else f"{row['ratio']:.2f}",
-                "–" if row["ratio_ci90"] is None else _interval(row["ratio_ci90"], ".2f", 1.0),
-                "yes" if row["more_than_noise"] else "no",
+                row.name,
+                f"{1e3 * row.difference_m_s:+.2f}",
+                _interval(row.difference_ci90_m_s, "+.2f"),
+                "–" if row.ratio is None else f"{row.ratio:.2f}",
+                "–" if row.ratio_ci90 is None else _interval(row.ratio_ci90, ".2f", 1.0),
+                "yes" if row.more_than_noise else "no",
             ]
             for row in rows[1:]
         ],
-        note=f"To {rows[0]['name']}, scenario by scenario: what scenarios do to both gaits cancels.",
+        note=f"To {rows[0].name}, scenario by scenario: what scenarios do to both gaits cancels.",
     )
 
 
@@ -525,25 +523,23 @@ def _interval(ends: Sequence[float], form: str, scale: float = 1e3) -> str:
     return " to ".join(format(scale * end, form) for end in ends)
 
 
-def _constraints(row: Mapping[str, Any]) -> str:
-    return "met" if row["constraints_met"] else f"violated: {_names(row['violations']) or row['status']}"
+def _constraints(row: GaitRow | ComparedGait) -> str:
+    return "met" if row.constraints_met else f"violated: {_names(row.violations) or row.status}"
 
 
-def _metric_table(summary: Mapping[str, Any]) -> Table:
-    rows = [summary["best"], *summary["baselines"]]
-    return _all_metrics(rows, [row["metrics"] for row in rows])
+def _metric_table(summary: Summary) -> Table:
+    rows = [summary.best, *summary.baselines]
+    return _all_metrics(rows)
 
 
-def _all_metrics(rows: Sequence[Mapping[str, Any]], metrics: Sequence[Mapping[str, float]]) -> Table:
+def _all_metrics(rows: Sequence[GaitRow | ComparedGait]) -> Table:
     return Table(
-        head=["metric", *(str(row["name"]) for row in rows)],
-        rows=[[label_of(name), *(shown(name, one[name]) for one in metrics)] for name in metrics[0]],
+        head=["metric", *(row.name for row in rows)],
+        rows=[
+            [label_of(name), *(shown(name, row.metrics[name]) for row in rows)] for name in rows[0].metrics
+        ],
         note="Means over the same scenarios; of drifts, the mean size. ∞: a square wave commands a step.",
     )
-
-
-def _metrics(row: Mapping[str, Any]) -> dict[str, float]:
-    return {name: value for name, value in row.items() if name.partition(".")[0] in METRICS}
 
 
 def gait_table(gait: Gait, file: str) -> Table:

@@ -22,7 +22,7 @@ from gaitopt.optimise.study import Study
 from gaitopt.problem.model import build_model, nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.report import report
-from gaitopt.runs.results import RunFolder
+from gaitopt.runs.run_folder import RunFolder
 
 Run = Callable[..., tuple[int, str, str]]
 

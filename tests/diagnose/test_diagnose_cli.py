@@ -15,7 +15,7 @@ from gaitopt.diagnose import diagnosis
 from gaitopt.diagnose.fit import fitting
 from gaitopt.problem.problem import load_problem
 from gaitopt.report import diagnosis_report
-from gaitopt.runs.results import held
+from gaitopt.runs.folder import held
 from gaitopt.simulation.rollout import Scenario, Simulator
 
 HARDWARE = Path(

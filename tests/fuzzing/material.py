@@ -19,7 +19,7 @@ from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import Request, optimise
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.runs.results import RunFolder
+from gaitopt.runs.run_folder import RunFolder
 
 
 @cache

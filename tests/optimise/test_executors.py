@@ -123,10 +123,8 @@ def test_a_worker_of_another_version_is_refused(strider: Problem) -> None:
     other = replace(setting(strider), key="other", versions="gaitopt 0.0.1")
     with pytest.raises(GaitoptError) as error:
         assess(other, gaits(strider)[0], 0)
-    assert (
-        str(error.value)
-        == f"--executor: found a worker with {versions_text()}; allowed: gaitopt 0.0.1, as here"
-    )
+    said = f"--executor: found a worker with {versions_text()}; allowed: gaitopt 0.0.1, as here"
+    assert str(error.value) == said
 
 
 # --- processes --------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from gaitopt.optimise.executors import SerialExecutor, open_executor
 from gaitopt.optimise.journal import WORKING, Journal, at_rung
 from gaitopt.optimise.run import Optimised, Request, optimise
 from gaitopt.problem.problem import Problem
-from gaitopt.runs.results import summary_of
+from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.rollout import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
@@ -120,8 +120,8 @@ def test_what_leads_on_a_lower_rung_is_judged_again(strider: Problem, tmp_path: 
     assert [e.evaluation.cost for e in again] != [e.evaluation.cost for e in leaders]
     spent = sum(e.simulated_s for e in entries) + sum(rung.simulated_s for rung in optimised.rungs)
     assert optimised.simulated_s > spent
-    said = summary_of(strider, optimised)["fidelity_ladder"]
-    assert [(rung["timestep_s"], rung["measured_s"], rung["used"]) for rung in said] == [
+    said = Summary.of(strider, optimised).fidelity_ladder
+    assert [(rung.timestep_s, rung.measured_s, rung.used) for rung in said] == [
         (4e-3, 0.6, True),
         (4e-3, 0.3, True),
     ]
@@ -150,9 +150,9 @@ def test_only_gaits_of_the_working_fidelity_can_win(strider: Problem, tmp_path: 
 @pytest.mark.parametrize("rows", [3, 6, 11, 20, 29, 46, 51, 55])
 def test_a_laddered_search_is_resumed_to_the_same_bits(strider: Problem, tmp_path: Path, rows: int) -> None:
     whole, path = tmp_path / "whole.csv", tmp_path / "evaluations.csv"
-    expected = summary_of(strider, searched(strider, whole))
+    expected = Summary.of(strider, searched(strider, whole)).to_dict()
     path.write_text("".join(whole.read_text().splitlines(keepends=True)[: 1 + rows]))
-    found = summary_of(strider, searched(strider, path, workers=2))
+    found = Summary.of(strider, searched(strider, path, workers=2)).to_dict()
     assert path.read_text() == whole.read_text()
     assert expected | {"wall_s": 0.0} == found | {"wall_s": 0.0}
 

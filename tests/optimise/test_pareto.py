@@ -22,7 +22,7 @@ from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, sensitivities
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.robot import Robot
-from gaitopt.runs.results import summary_of
+from gaitopt.runs.summary import Summary
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.rollout import Simulator
@@ -132,7 +132,7 @@ def test_an_interrupted_front_is_resumed_to_the_same_bits(
     optimised = optimise(strider, request, Journal(path, strider), SerialExecutor())
     assert path.read_text() == "".join(lines)
     found = json.loads((fronted / "summary.json").read_text())["pareto"]
-    assert summary_of(strider, optimised)["pareto"] == found
+    assert Summary.of(strider, optimised).to_dict()["pareto"] == found
 
 
 @pytest.mark.parametrize(("budget", "seed"), [(1, 1), (2, 1), (5, 1), (9, 1), (16, 2), (30, 3)])
@@ -161,7 +161,7 @@ def test_without_a_front_there_is_none(strider: Problem, tmp_path: Path) -> None
     request = Request(seed=1, budget=2)
     optimised = optimise(strider, request, Journal(tmp_path / "e.csv", strider), SerialExecutor())
     assert optimised.front == []
-    assert summary_of(strider, optimised)["pareto"] is None
+    assert Summary.of(strider, optimised).pareto is None
 
 
 # --- sensitivities ----------------------------------------------------------------------------

@@ -45,15 +45,16 @@ def test_the_worst_in_the_first_scenario_see_no_other(varied: Problem) -> None:
     evaluator = Evaluator(setting(varied), SerialExecutor())
     gaits = gaits_of(varied)
     raced, whole = evaluator.race(gaits), evaluator(gaits)
-    alone = [evaluation.cost for evaluation, _ in Evaluator(_first(varied), SerialExecutor())(gaits)]
+    alone = [one.evaluation.cost for one in Evaluator(_first(varied), SerialExecutor())(gaits)]
     kept = set(np.argsort(alone, kind="stable")[: math.ceil(RACED_ON * len(gaits))].tolist())
-    worst = max(raced[i][0].cost for i in kept)
+    worst = max(raced[i].evaluation.cost for i in kept)
     assert len(kept) == 8
-    for i, ((evaluation, outcomes), other) in enumerate(zip(raced, whole, strict=True)):
+    for i, (one, other) in enumerate(zip(raced, whole, strict=True)):
+        evaluation = one.evaluation
         if i in kept:
-            assert (evaluation, outcomes) == other
+            assert one == other
         else:
-            assert outcomes == other[1][:1]
+            assert one.outcomes == other.outcomes[:1]
             assert evaluation.status == "dropped after 1 of 3 scenarios"
             assert not evaluation.constraints_met
             assert evaluation.cost == max(alone[i], worst)
@@ -74,7 +75,9 @@ def test_over_one_scenario_nobody_is_dropped(strider: Problem) -> None:
 def test_a_gait_that_fails_keeps_its_reason(varied: Problem) -> None:
     exploding = varied.with_parameters({"k_servo": 1e7, "torque_limit": 1e12})
     raced = Evaluator(setting(exploding), SerialExecutor()).race(gaits_of(exploding)[:6])
-    assert {(e.cost, e.status) for e, _ in raced} == {(FAILED_COST, "diverged: badqacc")}
+    assert {(one.evaluation.cost, one.evaluation.status) for one in raced} == {
+        (FAILED_COST, "diverged: badqacc")
+    }
 
 
 def searched(problem: Problem, path: Path, workers: int = 1) -> str:

@@ -11,6 +11,7 @@ import pytest
 from helpers import still
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.json import to_json
 from gaitopt.core.statistics import interval90
 from gaitopt.core.streams import Stream
 from gaitopt.optimise.executors import open_executor
@@ -19,7 +20,8 @@ from gaitopt.optimise.run import Optimised, Request, optimise
 from gaitopt.optimise.study import METHODS, Progress
 from gaitopt.optimise.verification import Verified, scenarios_of
 from gaitopt.problem.problem import Problem
-from gaitopt.runs.results import RunFolder, summary_of, to_json
+from gaitopt.runs.run_folder import RunFolder
+from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import Evaluation
 
 BUDGET = 24
@@ -41,7 +43,7 @@ def run(
 
 def summary(problem: Problem, optimised: Optimised) -> str:
     """The summary without the one figure that is a clock's."""
-    content = summary_of(problem, optimised)
+    content = Summary.of(problem, optimised).to_dict()
     assert content.pop("wall_s") > 0.0
     return to_json(content)
 
@@ -289,9 +291,9 @@ def test_a_robot_without_baselines_is_searched(strider: Problem, tmp_path: Path)
     file = strider.file.model_copy(update={"baselines": {}})
     problem = Problem.from_file(file, strider.source, strider.model_path)
     optimised = run(problem, tmp_path / "evaluations.csv", Request(seed=1, budget=6))
-    content = summary_of(problem, optimised)
-    assert content["baselines"] == []
-    assert content["ratio_to_best_baseline"] is None
+    content = Summary.of(problem, optimised)
+    assert content.baselines == ()
+    assert content.ratio_to_best_baseline is None
 
 
 def test_a_robot_that_always_fails_says_so(strider: Problem, tmp_path: Path) -> None:
@@ -338,7 +340,7 @@ def compared(problem: Problem, best: Verified, *baselines: Verified) -> dict:
         simulated_s=7.0,
         wall_s=1.0,
     )
-    return json.loads(to_json(summary_of(problem, optimised)))
+    return json.loads(to_json(Summary.of(problem, optimised).to_dict()))
 
 
 def test_ratios_are_to_the_fastest_and_to_the_fastest_that_meets_the_constraints(strider: Problem) -> None:
@@ -401,11 +403,11 @@ def test_a_run_that_was_interrupted_early_can_be_resumed(strider: Problem, tmp_p
         journal = folder.journal
         run(strider, journal, Request(seed=1, budget=2))
     journal.write_text(journal.read_text().splitlines(keepends=True)[0])
-    reopened, problem, request = RunFolder.reopen(path)
-    with reopened:
+    reopened = RunFolder.reopen(path)
+    with reopened.folder:
         pass
-    assert request == Request()
-    assert problem.file.parameters == strider.file.parameters
+    assert reopened.request == Request()
+    assert reopened.problem.file.parameters == strider.file.parameters
     assert {"run.toml", "problem.toml", "model.xml", "evaluations.csv"} == {p.name for p in path.iterdir()}
 
 
@@ -413,7 +415,7 @@ def test_two_runs_into_one_folder_are_refused(strider: Problem, tmp_path: Path) 
     path = tmp_path / "run"
     with RunFolder.create(path, strider, Request()):
         before = sorted(p.name for p in path.iterdir())
-        second, _, _ = RunFolder.reopen(path)
+        second = RunFolder.reopen(path).folder
         with pytest.raises(GaitoptError) as error, second:
             pytest.fail("a second run got in")
         assert str(error.value) == f"{path}: another run is working in this folder"

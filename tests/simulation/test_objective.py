@@ -13,7 +13,7 @@ from gaitopt.core.files import validated
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.records import Objective, ProblemFile
-from gaitopt.runs.results import write_problem
+from gaitopt.runs.folder import write_problem
 from gaitopt.simulation.metrics import METRICS, Metrics
 from gaitopt.simulation.objective import FAILED_COST, check_objective, evaluate
 

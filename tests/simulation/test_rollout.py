@@ -118,8 +118,9 @@ def test_a_failed_scenario_fails_the_gait(strider: Problem) -> None:
     with open_executor("serial") as executor:
         setting = RobotSetup.of(broken, (NOMINAL, NOMINAL), broken.simulation.working)
         evaluator = Evaluator(setting, executor)
-        evaluation, outcomes = evaluator([broken.baselines["square"]])[0]
-        rest, _ = evaluator([still(broken)])[0]
+        one = evaluator([broken.baselines["square"]])[0]
+        evaluation, outcomes = one.evaluation, one.outcomes
+        rest = evaluator([still(broken)])[0].evaluation
     assert evaluation.cost == FAILED_COST
     assert evaluation.status == outcomes[0].status != "ok"
     assert not evaluation.constraints_met

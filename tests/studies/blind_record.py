@@ -35,6 +35,7 @@ from gaitopt.blind.disturbances import OUTSIDE
 from gaitopt.blind.scoring import Case, score, sentences
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
+from gaitopt.core.json import to_json
 from gaitopt.diagnose.diagnosis import diagnose
 from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.fitting import ALIKE
@@ -42,7 +43,6 @@ from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.effects import EFFECTS
 from gaitopt.optimise.executors import open_executor
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.runs.results import to_json
 from gaitopt.simulation.rollout import Simulator
 
 GAITS = ("square-4s", "square-2s", "square-1s")

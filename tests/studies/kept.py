@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gaitopt.core.files import write_text
-from gaitopt.runs.results import to_json
+from gaitopt.core.json import to_json
 
 
 def read_kept(path: Path, seed: int | None = None) -> list[dict[str, Any]]:

@@ -75,7 +75,7 @@ def evaluator_of(problem: Problem, seed: int) -> Evaluator:
 
 def costs(evaluator: Evaluator, gaits: list[Gait]) -> Floats:
     """Return the costs of gaits in every scenario, shape (n,)."""
-    return np.array([evaluation.cost for evaluation, _ in evaluator(gaits)])
+    return np.array([one.evaluation.cost for one in evaluator(gaits)])
 
 
 def ranks(case: str, seed: int) -> dict[str, Any]:

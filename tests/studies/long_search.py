@@ -61,13 +61,11 @@ def main() -> None:
     rows = [
         {
             "gait": name,
-            "cost_nominal": alone.cost,
-            "speed_m_s": evaluation.metrics["speed_m_s"],
-            "violations": dict(evaluation.violations),
+            "cost_nominal": alone.evaluation.cost,
+            "speed_m_s": one.evaluation.metrics["speed_m_s"],
+            "violations": dict(one.evaluation.violations),
         }
-        for name, (evaluation, _), (alone, _) in zip(
-            ["long search", *options.runs], judged, first, strict=True
-        )
+        for name, one, alone in zip(["long search", *options.runs], judged, first, strict=True)
     ]
     content = json.dumps({"costs": costs, "gaits": rows}, indent=1)
     write_text(kept, content + "\n")
@@ -80,7 +78,7 @@ def search(problem: Problem, evaluator: Evaluator, budget: int) -> tuple[Gait, d
     box = Box(space.circular)
 
     def costs(points: np.ndarray) -> np.ndarray:
-        return np.array([e.cost for e, _ in evaluator([space.decode(point) for point in points])])
+        return np.array([one.evaluation.cost for one in evaluator([space.decode(point) for point in points])])
 
     elites = np.array([space.encode(elite.gait) for elite in Planner(problem).plan().elites])
     drawn = quasi_random(space, FIRST, 1)

@@ -28,12 +28,12 @@ from gaitopt.blind.cases import Draw, Maker, draw_case, filmed_s, maker, shoot, 
 from gaitopt.blind.scoring import mean, rate
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
+from gaitopt.core.json import to_json
 from gaitopt.diagnose.diagnosis import Diagnosis, diagnose
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.gait.gait import Gait, write_gait
 from gaitopt.optimise.executors import open_executor
 from gaitopt.problem.problem import load_problem
-from gaitopt.runs.results import to_json
 
 FIRST = "square-2s"
 SECONDS = 8.0

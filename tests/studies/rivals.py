@@ -37,7 +37,7 @@ from scipy.stats import qmc
 from searches import judged, planned, search
 
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator, Outcome
+from gaitopt.optimise.evaluator import Evaluated, Evaluator, Outcome
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.solvers import cma_es
 from gaitopt.plan.plan import Planner
@@ -76,16 +76,17 @@ class PlanarEvaluator:
         names = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
         self._unknown = dict.fromkeys(names, math.nan)
 
-    def __call__(self, gaits: list[Any]) -> list[tuple[Evaluation, list[Outcome]]]:
+    def __call__(self, gaits: list[Any]) -> list[Evaluated]:
         """Return evaluation and outcome of each gait."""
         return [self._judged(gait) for gait in gaits]
 
-    def _judged(self, gait: Any) -> tuple[Evaluation, list[Outcome]]:
+    def _judged(self, gait: Any) -> Evaluated:
         planner = self._planner
         speed = float(planner.model.speed(planner.vector(gait), PLANAR_WIDTH))
         metrics = self._unknown | {"speed_m_s": speed}
         cycles = planner.model.settling_cycles(gait.period_s) + 1
-        return Evaluation(-speed, metrics, {}, "ok"), [Outcome(metrics, "ok", cycles * gait.period_s)]
+        outcomes = [Outcome(metrics, "ok", cycles * gait.period_s)]
+        return Evaluated(Evaluation(-speed, metrics, {}, "ok"), outcomes)
 
 
 @dataclass
@@ -116,10 +117,10 @@ class BlackBox:
         """
         if len(self.costs) >= self.budget:
             raise SpentError
-        (evaluation, outcomes), *_ = self.evaluator([self.space.decode(np.asarray(point, float))])
-        self.costs.append(evaluation.cost)
-        self.simulated_s.append(sum(outcome.simulated_s for outcome in outcomes))
-        return evaluation.cost
+        one, *_ = self.evaluator([self.space.decode(np.asarray(point, float))])
+        self.costs.append(one.evaluation.cost)
+        self.simulated_s.append(one.simulated_s)
+        return float(one.evaluation.cost)
 
 
 def evaluator_of(case: str) -> Any:
@@ -287,11 +288,11 @@ class Recorded:
         self.costs: list[float] = []
         self.simulated_s: list[float] = []
 
-    def __call__(self, gaits: Sequence[Gait]) -> list[tuple[Evaluation, list[Outcome]]]:
+    def __call__(self, gaits: Sequence[Gait]) -> list[Evaluated]:
         """Return evaluation and outcomes of each gait."""
-        rows: list[tuple[Evaluation, list[Outcome]]] = self.evaluator(gaits)
-        self.costs += [evaluation.cost for evaluation, _ in rows]
-        self.simulated_s += [sum(outcome.simulated_s for outcome in outcomes) for _, outcomes in rows]
+        rows: list[Evaluated] = self.evaluator(gaits)
+        self.costs += [one.evaluation.cost for one in rows]
+        self.simulated_s += [one.simulated_s for one in rows]
         return rows
 
     race = __call__  # one scenario: nobody can be dropped early

@@ -34,7 +34,7 @@ def setting_of(problem: Problem, seed: int) -> RobotSetup:
 def judged(evaluator: Any) -> Starts:
     """Return the baselines with their costs, which a search begins with."""
     baselines = list(evaluator.setup.problem.baselines.values())
-    return [(gait, one.cost) for gait, (one, _) in zip(baselines, evaluator(baselines), strict=True)]
+    return [(gait, one.evaluation.cost) for gait, one in zip(baselines, evaluator(baselines), strict=True)]
 
 
 def search(

@@ -33,14 +33,13 @@ from rivals import ROBOTS
 from searches import planned, setting_of
 
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator, Outcome
+from gaitopt.optimise.evaluator import Evaluated, Evaluator, Outcome
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Entry
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import axes, measure
-from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.rollout import Simulator
 
 SHARES = (0.0, 0.25, 0.5, 0.75)
@@ -103,20 +102,20 @@ class Watching(Evaluator):
     raced: list[list[str]] = field(default_factory=list)
     built: list[Simulator] = field(default_factory=list)
 
-    def race(self, gaits: Sequence[Gait]) -> list[tuple[Evaluation, list[Outcome]]]:
+    def race(self, gaits: Sequence[Gait]) -> list[Evaluated]:
         """Return evaluation and outcomes of a population, and keep who was in it."""
         self.raced.append([gait.name for gait in gaits])
         return super().race(gaits)
 
     def outcomes(self, gaits: Sequence[Gait], scenarios: Sequence[int] | None = None) -> list[list[Outcome]]:
         """Return the outcome of each gait in each scenario, and keep what they were like."""
-        scenarios = range(len(self.setting.scenarios)) if scenarios is None else scenarios
+        scenarios = range(len(self.setup.scenarios)) if scenarios is None else scenarios
         return [[self._outcome(gait, scenario) for scenario in scenarios] for gait in gaits]
 
     def _outcome(self, gait: Gait, scenario: int) -> Outcome:
-        problem = self.setting.problem
+        problem = self.setup.problem
         if not self.built:
-            self.built.append(Simulator.build(problem, self.setting.scenarios, self.setting.fidelity))
+            self.built.append(Simulator.build(problem, self.setup.scenarios, self.setup.fidelity))
         path = self.built[0].run(gait, scenario)
         self.seen[gait.name, scenario] = watched(problem, gait, path)
         metrics = measure(problem, gait, path, Robot.of(self.built[0].models[0]))
@@ -126,7 +125,7 @@ class Watching(Evaluator):
 def search(problem: Problem, seed: int, budget: int, warm: bool) -> tuple[list[Entry], Watching, float]:
     """Return a search's entries, what its rollouts were like, and the best speed of the baselines."""
     evaluator = Watching(setting_of(problem, seed), SerialExecutor(), problem.file.objective.search_margin)
-    evaluations = [evaluation for evaluation, _ in evaluator(list(problem.baselines.values()))]
+    evaluations = [one.evaluation for one in evaluator(list(problem.baselines.values()))]
     starts = [(gait, one.cost) for gait, one in zip(problem.baselines.values(), evaluations, strict=True)]
     study = searches.search(evaluator, budget, seed, starts, planned(problem, seed) if warm else ())
     best = min(evaluations, key=lambda evaluation: evaluation.cost)

@@ -28,7 +28,7 @@ from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.run import Request
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import load_problem
-from gaitopt.runs.results import RunFolder
+from gaitopt.runs.run_folder import RunFolder
 from gaitopt.simulation.rollout import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 
@@ -245,7 +245,7 @@ def test_a_journal_with_a_coordinate_that_is_no_number_is_one_line(tmp_path: Pat
     point = problem.space.encode(problem.baselines["stride"])
     gait = problem.space.decode(point)
     setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
-    evaluation, _ = Evaluator(setting, SerialExecutor())([gait])[0]
+    evaluation = Evaluator(setting, SerialExecutor())([gait])[0].evaluation
     point[3] = np.nan
     Journal(path, problem).append([Entry(0, "test", point, gait, evaluation, 1.0)])
     assert refused(lambda: Journal(path, problem)) == f"{path}: line 2: a coordinate that is no number"

@@ -44,7 +44,7 @@ def granted(folder: Path, memory: str) -> Problem:
 def statuses(problem: Problem, count: int = 6) -> list[str]:
     setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
     gaits = [problem.space.decode(point) for point in quasi_random(problem.space, count, 1)]
-    return [evaluation.status for evaluation, _ in Evaluator(setting, SerialExecutor())(gaits)]
+    return [one.evaluation.status for one in Evaluator(setting, SerialExecutor())(gaits)]
 
 
 def here(*arguments: object) -> int:

@@ -1,0 +1,112 @@
+"""One gait over a range of one parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gaitopt.core.errors import GaitoptError, unknown_name
+from gaitopt.gait.gait import Channel, Gait
+from gaitopt.optimise.evaluator import Evaluator
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation.metrics import Metrics
+from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.setup import RobotSetup
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """A problem and a gait at one value of the parameter."""
+
+    problem: Problem
+    gait: Gait
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A range of one parameter: of the gait (``period_s``, ``CHANNEL.KEY``) or of the model."""
+
+    name: str
+    values: tuple[float, ...]
+
+    @staticmethod
+    def parse(text: str) -> Sweep:
+        """Return the sweep written as ``NAME=V1,V2,…``.
+
+        Raises:
+            GaitoptError: the text is not of this form.
+        """
+        name, separator, values = text.partition("=")
+        try:
+            parsed = tuple(float(value) for value in values.split(","))
+        except ValueError:
+            parsed = ()
+        if not separator or not parsed or not np.all(np.isfinite(parsed)):
+            raise GaitoptError(f"--over: found {text!r}; allowed: NAME=V1,V2,… with numbers")
+        return Sweep(name, parsed)
+
+    def points(self, problem: Problem, gait: Gait) -> list[SweepPoint]:
+        """Return the problem and gait at each value.
+
+        Raises:
+            GaitoptError: there is no such parameter, or a value is outside what it allows.
+        """
+        return [self._point(problem, gait, value) for value in self.values]
+
+    def _point(self, problem: Problem, gait: Gait, value: float) -> SweepPoint:
+        label = f"{self.name}={value:g}"
+        channel, _, key = self.name.partition(".")
+        if self.name in problem.file.parameters:
+            return SweepPoint(problem.with_parameters({self.name: value}), replace(gait, name=label))
+        values: dict[str, Any] = gait.to_dict()
+        if self.name == "period_s":
+            values["period_s"] = value
+        elif channel in gait.channels and key in Channel.model_fields:
+            values["channels"][channel][key] = value
+        else:
+            known = ["period_s", *problem.file.parameters]
+            known += [f"{name}.{field}" for name in gait.channels for field in Channel.model_fields]
+            raise unknown_name("--over", "parameter", self.name, known)
+        changed = Gait.from_dict(values, f"--over {label}", label)
+        return SweepPoint(problem, problem.check_gait(changed, f"--over {label}"))
+
+
+@dataclass(frozen=True)
+class SweptPoint:
+    """What a gait achieves at one value of the parameter, on the nominal robot.
+
+    Attributes:
+        name: the parameter and its value.
+        period_s: period of the gait, s.
+        status: ``ok``, or why the simulation failed.
+        constraints_met: whether the simulation went well and every constraint holds.
+        metrics: the metrics.
+    """
+
+    name: str
+    period_s: float
+    status: str
+    constraints_met: bool
+    metrics: Metrics
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the row of ``sweep.json``: the figures, then the metrics."""
+        row = dict(vars(self))
+        metrics: Metrics = row.pop("metrics")
+        return row | metrics
+
+
+def sweep(points: Sequence[SweepPoint], executor: Executor) -> list[SweptPoint]:
+    """Return the figures of each point, on the nominal robot."""
+    rows = []
+    for point in points:
+        problem, gait = point.problem, point.gait
+        setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
+        one = Evaluator(setting, executor)([gait])[0]
+        outcome, met = one.outcomes[0], one.evaluation.constraints_met
+        rows.append(SweptPoint(gait.name, gait.period_s, outcome.status, met, outcome.metrics))
+    return rows

@@ -1,0 +1,128 @@
+"""Folders that a command fills: new or empty, locked while it works, each file whole or not at all."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.files import write_text, write_with
+from gaitopt.core.folders import not_empty
+from gaitopt.problem.lookup import PROBLEM_FILE
+from gaitopt.problem.problem import Problem
+from gaitopt.runs.lock import LOCK_FILE, FolderLock
+
+RUNS = Path("results") / "runs"
+"""Where run folders go by default; git ignores it."""
+
+REQUEST_FILE = "run.toml"
+"""What was asked of a run of `optimise`."""
+
+JOURNAL_FILE = "evaluations.csv"
+"""The evaluations of a run of `optimise`."""
+
+MODEL_FILE = "model.xml"
+
+FIRST_FILES = (PROBLEM_FILE, MODEL_FILE)
+"""What a run writes in its first second, after the lock."""
+
+_HALF_WRITTEN = re.compile(r"\..+\.[a-z0-9_]{8}\.\w+")
+"""Names of the temporary files that `files.write_with` renames into place; a killed run may leave one."""
+
+
+def new_folder(path: Path | None, name: str) -> Path:
+    """Return a new or empty folder: `path`, or a numbered one under `RUNS`.
+
+    Raises:
+        GaitoptError: the folder holds something already, or cannot be made.
+    """
+    path = path or next_free(name)
+    make_folder(path)
+    return path
+
+
+def next_free(name: str) -> Path:
+    """Return the first numbered path of a name under `RUNS` that is not there yet."""
+    number = 1
+    while (RUNS / f"{name}-{number:03d}").exists():
+        number += 1
+    return RUNS / f"{name}-{number:03d}"
+
+
+def make_folder(path: Path) -> bool:
+    """Make a folder, or take an empty one; return whether it was made.
+
+    Raises:
+        GaitoptError: the folder holds something already, or cannot be made.
+    """
+    if path.is_dir():
+        if (path / REQUEST_FILE).exists() or (path / JOURNAL_FILE).exists():
+            raise GaitoptError(
+                f"--out: {path} already holds a run; choose another folder, or --resume {path}"
+            )
+        if any(path.iterdir()) and not _killed_while_made(path):
+            raise not_empty(path)
+        return False
+    try:
+        path.mkdir(parents=True)
+    except OSError as error:
+        raise GaitoptError(f"--out: {path}: cannot be made: {error.strerror}") from None
+    return True
+
+
+@contextmanager
+def held(path: Path) -> Iterator[None]:
+    """Lock a folder for other runs, and remove what a killed run left half-written there.
+
+    Raises:
+        GaitoptError: another run is working there, or the folder cannot be written.
+    """
+    lock = FolderLock(path)
+    lock.take()
+    try:
+        remove_half_written(path)
+        yield
+    finally:
+        lock.release()
+
+
+def remove_half_written(folder: Path) -> None:
+    """Remove the temporary files that a killed run left."""
+    for path in [*folder.iterdir(), *folder.glob("*/*")]:
+        if _HALF_WRITTEN.fullmatch(path.name):
+            path.unlink(missing_ok=True)
+
+
+def write_into(folder: Path, name: str, write: Callable[[Path], object]) -> Path:
+    """Write one file of a folder whole or not at all, and return its path.
+
+    Args:
+        folder: the folder.
+        name: name of the file, in the folder or in a folder inside it, which is made if need be.
+        write: fills the file at the path that it is given.
+
+    Raises:
+        GaitoptError: it cannot be written.
+    """
+    path = folder / name
+    try:
+        path.parent.mkdir(exist_ok=True)
+    except OSError as error:
+        raise GaitoptError(f"{path.parent}: cannot be made: {error.strerror}") from None
+    write_with(path, write)
+    return path
+
+
+def write_problem(folder: Path, problem: Problem, model: str) -> None:
+    """Write the nominal model, an MJCF, and a problem file that points to it: the folder is a problem."""
+    write_into(folder, MODEL_FILE, lambda path: write_text(path, model))
+    write_into(folder, PROBLEM_FILE, lambda path: write_text(path, problem.to_toml(MODEL_FILE)))
+
+
+def _killed_while_made(path: Path) -> bool:
+    """Whether a folder holds the lock and the first files of a run killed in its first second."""
+    names = {file.name for file in path.iterdir()}
+    half = {name for name in names if _HALF_WRITTEN.fullmatch(name)}
+    return LOCK_FILE in names and names - half <= {LOCK_FILE, *FIRST_FILES}

@@ -1,0 +1,65 @@
+"""The lock of a folder: one run at a time works in it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import IO
+
+from gaitopt.core.errors import GaitoptError
+
+LOCK_FILE = ".lock"
+
+
+class FolderLock:
+    """The lock of one folder. The operating system releases it when the process ends, however it ends."""
+
+    def __init__(self, folder: Path):
+        self._path = folder / LOCK_FILE
+        self._file: IO[str] | None = None
+
+    def take(self) -> None:
+        """Take the lock; do nothing where this object already holds it.
+
+        Raises:
+            GaitoptError: another run holds it, or the folder cannot be written.
+        """
+        if self._file is None:
+            self._file = _locked(self._path)
+
+    def release(self) -> None:
+        """Remove the lock file and release the lock, in the order that leaves no gap for a third run."""
+        file, self._file = self._file, None
+        if file is None:
+            return
+        with suppress(OSError):
+            if sys.platform == "win32":
+                file.close()
+            self._path.unlink(missing_ok=True)
+            file.close()
+
+
+def _locked(path: Path) -> IO[str]:
+    """Return the open and locked file."""
+    file: IO[str] | None = None
+    try:
+        file = path.open("w")
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not path.exists() or os.fstat(file.fileno()).st_ino != path.stat().st_ino:
+                file.close()  # its owner removed it after it was opened
+                return _locked(path)
+    except OSError as error:
+        if file is not None:
+            file.close()
+            raise GaitoptError(f"{path.parent}: another run is working in this folder") from None
+        raise GaitoptError(f"{path}: cannot be written: {error.strerror}") from None
+    return file

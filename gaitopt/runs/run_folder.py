@@ -1,0 +1,186 @@
+"""The run folder of `optimise`: its problem, its request, its journal and its results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+import tomli_w
+
+from gaitopt.core.errors import GaitoptError, bad_value
+from gaitopt.core.files import read_toml, write_text, write_with
+from gaitopt.core.json import to_json
+from gaitopt.core.versions import versions
+from gaitopt.gait.gait import write_gait
+from gaitopt.optimise.run import Optimised, Request
+from gaitopt.problem.model import model_assets, nominal_mjcf
+from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.runs.folder import (
+    FIRST_FILES,
+    JOURNAL_FILE,
+    REQUEST_FILE,
+    make_folder,
+    next_free,
+    remove_half_written,
+    write_into,
+    write_problem,
+)
+from gaitopt.runs.front_table import front_csv
+from gaitopt.runs.lock import FolderLock
+from gaitopt.runs.summary import Summary
+
+SUMMARY_FILE = "summary.json"
+"""The result of a run; it is written last, so that it says that the run is finished."""
+
+
+@dataclass(frozen=True)
+class Reopened:
+    """The run that a folder holds.
+
+    Attributes:
+        folder: the folder, not locked yet.
+        problem: the problem of the run.
+        request: what was asked for.
+    """
+
+    folder: RunFolder
+    problem: Problem
+    request: Request
+
+
+class RunFolder:
+    """A folder that holds one run. Use it as a context manager: it is locked for other runs meanwhile.
+
+    A folder that was made for a run which ended before its first evaluation is removed again.
+
+    Attributes:
+        path: the folder.
+    """
+
+    def __init__(self, path: Path, new: bool, made: bool = False):
+        self.path = path
+        self._new = new
+        self._made = made
+        self._lock = FolderLock(path)
+        self._assets: list[Path] = []
+
+    @staticmethod
+    def create(path: Path | None, problem: Problem, request: Request) -> RunFolder:
+        """Make the folder of a new run and write its problem, model and request.
+
+        Raises:
+            GaitoptError: the folder holds something already, or cannot be written.
+        """
+        model, assets = nominal_mjcf(problem), model_assets(problem)
+        path = path or next_free(problem.name)
+        folder = RunFolder(path, new=True, made=make_folder(path))
+        folder._lock.take()
+        try:
+            for name, data in assets.items():
+                folder._write_asset(name, data)
+            write_problem(path, problem, model)
+            content = asdict(request) | versions()
+            folder.file(REQUEST_FILE, lambda file: write_text(file, tomli_w.dumps(content)))
+        except BaseException:
+            folder.discard()
+            folder._lock.release()
+            folder._remove_if_made()
+            raise
+        return folder
+
+    @staticmethod
+    def reopen(path: Path) -> Reopened:
+        """Open the folder of an interrupted or finished run.
+
+        Raises:
+            GaitoptError: the folder does not hold a run, or an unfinished one of other versions.
+        """
+        file = path / REQUEST_FILE
+        if not file.is_file():
+            raise GaitoptError(f"--resume: {path}: not a run folder (no {REQUEST_FILE})")
+        values = read_toml(file)
+        values = {"pareto": False} | values  # which runs of earlier versions do not name
+        for key, default in asdict(Request()).items():
+            if key not in values:
+                raise GaitoptError(f"{file}: {key}: missing; it is required")
+            if type(values[key]) is not type(default):
+                raise bad_value(file, key, values[key], f"{type(default).__name__}")
+        for name, here in versions().items():
+            if values.get(name, here) != here and not (path / SUMMARY_FILE).exists():
+                raise bad_value(file, name, values[name], f"{here}, the version here, to go on")
+        request = Request(**{key: values[key] for key in asdict(Request())})
+        return Reopened(RunFolder(path, new=False), load_problem(path), request)
+
+    def __enter__(self) -> RunFolder:
+        self._lock.take()
+        remove_half_written(self.path)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._new and not self.started:
+            self.discard()
+        self._lock.release()
+        if not self.started:
+            self._remove_if_made()
+
+    @property
+    def journal(self) -> Path:
+        """The file of the evaluations."""
+        return self.path / JOURNAL_FILE
+
+    @property
+    def started(self) -> bool:
+        """Whether the folder holds anything that took time to compute."""
+        try:
+            return self.journal.read_bytes().count(b"\n") > 1
+        except OSError:
+            return False
+
+    @property
+    def summary(self) -> Summary | None:
+        """The summary of a finished run, or None.
+
+        Raises:
+            GaitoptError: it was changed since, and what is printed of it is no longer there.
+        """
+        path = self.path / SUMMARY_FILE
+        return Summary.read(path) if path.exists() else None
+
+    def file(self, name: str, write: Callable[[Path], object]) -> Path:
+        """Write one file of the run whole or not at all, and return its path."""
+        return write_into(self.path, name, write)
+
+    def discard(self) -> None:
+        """Remove the folder with what the run wrote into it, and nothing else."""
+        written = [self.path / name for name in (REQUEST_FILE, *FIRST_FILES, JOURNAL_FILE)]
+        with suppress(OSError):  # the folder may be gone, or have become read-only
+            for path in [*written, *self._assets]:
+                path.unlink(missing_ok=True)
+            for folder in {path.parent for path in self._assets} - {self.path}:
+                folder.rmdir()
+
+    def write_results(self, problem: Problem, optimised: Optimised) -> Summary:
+        """Write the best gait, the front if one was asked for, and the summary; return the summary."""
+        summary = Summary.of(problem, optimised)
+        self.file("best.toml", lambda path: write_gait(path, optimised.best.gait))
+        if optimised.request.pareto:
+            self.file("pareto.csv", lambda path: write_text(path, front_csv(problem, optimised.front)))
+        for found in optimised.front:
+            gait = found.verified.gait
+            self.file(f"pareto/{gait.name}.toml", partial(write_gait, gait=gait))
+        self.file(SUMMARY_FILE, lambda path: write_text(path, to_json(summary.to_dict())))
+        return summary
+
+    def _write_asset(self, name: str, data: bytes) -> None:
+        path = self.path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_with(path, lambda temporary: temporary.write_bytes(data))
+        self._assets.append(path)
+
+    def _remove_if_made(self) -> None:
+        if self._made:
+            with suppress(OSError):
+                self.path.rmdir()
