@@ -90,7 +90,7 @@ def _start(simulator: Simulator) -> float:
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
-    site = data.site(simulator.problem.roles.marker).xpos
+    site = data.site(simulator.problem.marker).xpos
     return float(site @ simulator.problem.roles.axes[0])
 
 

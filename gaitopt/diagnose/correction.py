@@ -93,7 +93,7 @@ def _planned(problem: Problem) -> list[Gait]:
 def _tuned(problem: Problem, starts: Sequence[Gait], executor: Executor) -> Gait:
     """Return the best gait of a brief search from the best of some starts, in the nominal scenario."""
     setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
-    evaluator = Evaluator(setting, executor, problem.file.objective.search_margin)
+    evaluator = Evaluator(setting, executor, problem.objective.search_margin)
     space = problem.space
 
     def costs(points: NDArray[np.float64]) -> NDArray[np.float64]:

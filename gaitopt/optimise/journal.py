@@ -61,7 +61,7 @@ class Journal:
         self._space = problem.space
         self._variables = [variable.name for variable in problem.space.variables]
         self._metrics = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
-        self._constraints = list(problem.file.objective.constraints)
+        self._constraints = list(problem.objective.constraints)
         self.columns = [
             *("evaluation", "method", "cost", "status", "constraints_met", "simulated_s", "rung"),
             *self._metrics,

@@ -127,7 +127,7 @@ def optimise(
     setting = RobotSetup.of(
         problem, scenarios_of(problem, request.seed, Stream.SEARCH_SCENARIOS), problem.simulation.working
     )
-    margin = problem.file.objective.search_margin
+    margin = problem.objective.search_margin
     evaluator = Evaluator(setting, executor, margin)
     study = Study(evaluator, journal, request.budget, request.seed, on_progress)
     baselines = list(problem.baselines.values())
@@ -244,7 +244,7 @@ def _select(problem: Problem, finalists: list[tuple[Gait, str]], seed: int, exec
     """
     scenarios = scenarios_of(problem, seed, Stream.SELECTION_SCENARIOS)
     setting = RobotSetup.of(problem, scenarios, problem.simulation.working)
-    evaluator = Evaluator(setting, executor, problem.file.objective.search_margin)
+    evaluator = Evaluator(setting, executor, problem.objective.search_margin)
     judged = evaluator([gait for gait, _ in finalists])
     costs = [one.evaluation.cost for one in judged]
     gait, found_by = finalists[costs.index(min(costs))]

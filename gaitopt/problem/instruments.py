@@ -27,8 +27,9 @@ class Instrument:
 
 def instruments(problem: Problem, model: mujoco.MjModel) -> list[Instrument]:
     """Return the sensors that metrics and diagnosis read, for any robot, from its roles."""
-    found = [
-        Instrument("framepos", {"objtype": "site", "objname": problem.roles.marker}, MARKER),
+    marker = problem.roles.marker
+    found = [] if marker is None else [Instrument("framepos", {"objtype": "site", "objname": marker}, MARKER)]
+    found += [
         Instrument(
             "framequat",
             {"objtype": "xbody", "objname": model.body(1).name},

@@ -38,7 +38,13 @@ def check_matches(model: mujoco.MjModel, problem: Problem) -> None:
             raise bad_value(
                 problem.model_path, f"actuator {name}", "not a position servo", "position actuators"
             )
-    _check_names(source, "roles.marker", "site", [problem.roles.marker], _names(model, "site", model.nsite))
+    _check_names(
+        source,
+        "roles.marker",
+        "site",
+        [problem.roles.marker] if problem.roles.marker else [],
+        _names(model, "site", model.nsite),
+    )
     geoms = _names(model, "geom", model.ngeom)
     _check_names(source, "roles.pads", "geom", problem.roles.pads, geoms)
     _check_names(source, "roles.body", "geom", problem.roles.body, geoms)

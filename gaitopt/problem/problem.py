@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeVar
 
 import tomli_w
 
@@ -16,8 +17,13 @@ from gaitopt.gait.gait import Gait, read_gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.gait.table import is_table, read_table
 from gaitopt.problem.lookup import model_file, problem_file
-from gaitopt.problem.records import Horizon, ProblemFile, Simulation
+from gaitopt.problem.records import Horizon, Objective, ProblemFile, Simulation
 from gaitopt.robot.roles import Roles
+
+_T = TypeVar("_T")
+
+Part = Literal["[gait]", "[objective]", "roles.marker", "roles.pads"]
+"""An optional part of a problem file."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +35,6 @@ class Problem:
         source: the problem file.
         model_path: the MJCF.
         baselines: the hand-tuned gaits by name.
-        space: the gait space of a search.
         carried: the MJCF and what it names by path from its folder, where the problem travels without
             its folder; None where they are read from the disk (see `model.carrying`).
     """
@@ -38,7 +43,6 @@ class Problem:
     source: Path
     model_path: Path
     baselines: Mapping[str, Gait]
-    space: GaitSpace
     carried: Mapping[str, bytes] | None = None
 
     @staticmethod
@@ -59,8 +63,7 @@ class Problem:
         for name, baseline in file.baselines.items():
             channels = baseline.channels or file.baselines[str(baseline.like)].channels or {}
             gaits[name] = Gait(baseline.period_s, channels, name)
-        space = GaitSpace(file.gait.period_s, {name: c.space for name, c in file.channels.items()})
-        problem = Problem(file, source, model_path, {}, space, carried)
+        problem = Problem(file, source, model_path, {}, carried)
         active_effects(file.effects, file.roles, problem.channel_names, source)
         checked = {n: problem.check_gait(g, f"{source}: baselines.{n}") for n, g in gaits.items()}
         return replace(problem, baselines=checked)
@@ -74,6 +77,60 @@ class Problem:
     def roles(self) -> Roles:
         """What effects, metrics and reports act on."""
         return self.file.roles
+
+    def require(self, user: str, *parts: Part) -> None:
+        """Check that the file has some of its optional parts.
+
+        Args:
+            user: what needs them, for the message: "optimise".
+            parts: the parts, as the message names them.
+
+        Raises:
+            GaitoptError: a part is missing.
+        """
+        values: dict[Part, object] = {
+            "[gait]": self.file.gait,
+            "[objective]": self.file.objective,
+            "roles.marker": self.roles.marker,
+            "roles.pads": self.roles.pads or None,
+        }
+        for part in parts:
+            self._given(part, values[part], user)
+
+    def _given(self, part: Part, value: _T | None, user: str) -> _T:
+        """Return the value of an optional part, which must be given."""
+        if value is None:
+            raise GaitoptError(f"{self.source}: {part}: missing; {user} needs it")
+        return value
+
+    @cached_property
+    def space(self) -> GaitSpace:
+        """The gait space of a search.
+
+        Raises:
+            GaitoptError: the file has no ``[gait]``.
+        """
+        gait = self._given("[gait]", self.file.gait, "a search for gaits")
+        spaces = {name: channel.space for name, channel in self.file.channels.items()}
+        return GaitSpace(gait.period_s, {name: space for name, space in spaces.items() if space is not None})
+
+    @property
+    def objective(self) -> Objective:
+        """What to look for.
+
+        Raises:
+            GaitoptError: the file has no ``[objective]``.
+        """
+        return self._given("[objective]", self.file.objective, "the cost of a gait")
+
+    @property
+    def marker(self) -> str:
+        """The site whose motion is the robot's motion.
+
+        Raises:
+            GaitoptError: the file has no ``roles.marker``.
+        """
+        return self._given("roles.marker", self.roles.marker, "the motion of the robot")
 
     @property
     def effects(self) -> tuple[ActiveEffect, ...]:

@@ -68,31 +68,46 @@ class Start(_Record):
 
 
 class ChannelBounds(_Record):
-    """What a search may do with one actuator (see `ChannelSpace`), and the servo that is behind it."""
+    """One actuator: its travel, its servo, and what a search may do with it (see `ChannelSpace`).
+
+    Attributes:
+        range_deg: travel of the servo.
+        amplitude_deg: amplitudes that a search may use; needed with ``[gait]`` alone.
+        duty, smoothing: duty factors and smoothing that a search may use.
+        servo: calibration of the servo.
+    """
 
     range_deg: _Interval
-    amplitude_deg: _Interval
+    amplitude_deg: _Interval | None = None
     duty: _Interval = (0.1, 0.9)
     smoothing: _Interval = (0.0, 1.0)
     servo: Calibration = Calibration()
 
     @model_validator(mode="after")
     def _check(self) -> ChannelBounds:
-        for key in ("range_deg", "amplitude_deg", "duty", "smoothing"):
+        _ordered("range_deg", self.range_deg)
+        if self.amplitude_deg is not None:
+            self._check_amplitude(self.amplitude_deg)
+        for key in ("duty", "smoothing"):
             _ordered(key, getattr(self, key))
         for key in ("duty", "smoothing"):
             low, high = getattr(self, key)
             if low < 0.0 or high > 1.0:
                 raise ValueError(f"{key}: found {[low, high]}; allowed: inside 0 to 1")
-        width = self.range_deg[1] - self.range_deg[0]
-        widest = max(abs(end) for end in self.amplitude_deg)
-        if widest > width:
-            raise ValueError(f"amplitude_deg: found {widest:g}; allowed: at most the range's {width:g}")
         return self
 
+    def _check_amplitude(self, amplitude_deg: tuple[float, float]) -> None:
+        _ordered("amplitude_deg", amplitude_deg)
+        width = self.range_deg[1] - self.range_deg[0]
+        widest = max(abs(end) for end in amplitude_deg)
+        if widest > width:
+            raise ValueError(f"amplitude_deg: found {widest:g}; allowed: at most the range's {width:g}")
+
     @property
-    def space(self) -> ChannelSpace:
-        """The same bounds as the search sees them."""
+    def space(self) -> ChannelSpace | None:
+        """The same bounds as the search sees them; None without amplitudes."""
+        if self.amplitude_deg is None:
+            return None
         return ChannelSpace(self.range_deg, self.amplitude_deg, self.duty, self.smoothing)
 
 
@@ -255,12 +270,18 @@ class Planar(_Record):
     links: tuple[str, str]
 
 
-class _Gait(_Record):
+class GaitBounds(_Record):
+    """The periods that a search may use, s."""
+
     period_s: tuple[_Period, _Period]
 
 
 class ProblemFile(_Record):
-    """The content of a problem file."""
+    """The content of a problem file.
+
+    ``[gait]`` and ``[objective]``, like `Roles.marker` and `Roles.pads`, are optional. What needs one that
+    is missing says so: see `Problem.require`.
+    """
 
     name: Annotated[str, Field(max_length=100, pattern=r"^\w[\w .+-]*$")]
     description: str = ""
@@ -268,19 +289,20 @@ class ProblemFile(_Record):
     parameters: dict[Name, Parameter] = {}
     roles: Roles
     start: Start = Start()
-    gait: _Gait
+    gait: GaitBounds | None = None
     channels: Annotated[dict[Name, ChannelBounds], Field(min_length=1)]
     baselines: dict[Name, Baseline] = {}
     simulation: Simulation
     servo: Servo = Servo()
     scenarios: ScenarioSpread = ScenarioSpread()
     effects: dict[str, dict[str, _Number | str]] = {}
-    objective: Objective
+    objective: Objective | None = None
     planar: Planar | None = None
 
     @model_validator(mode="after")
     def _check(self) -> ProblemFile:
-        _ordered("gait.period_s", self.gait.period_s)
+        if self.gait is not None:
+            self._check_gait_space(self.gait)
         for name in self.start.ctrl_deg:
             if name not in self.channels:
                 raise ValueError(str(unknown_name("start.ctrl_deg", "channel", name, self.channels)))
@@ -292,6 +314,12 @@ class ProblemFile(_Record):
                     str(unknown_name(f"baselines.{name}.like", "baseline", baseline.like, known))
                 )
         return self
+
+    def _check_gait_space(self, gait: GaitBounds) -> None:
+        _ordered("gait.period_s", gait.period_s)
+        for name, channel in self.channels.items():
+            if channel.amplitude_deg is None:
+                raise ValueError(f"channels.{name}.amplitude_deg: missing; [gait] needs it")
 
 
 def _ceil(value: float) -> int:

@@ -261,7 +261,7 @@ def write_comparison(
         asked={
             "Gaits": ", ".join(names),
             "Scenarios": f"{problem.file.scenarios.verification} of {problem.name}, seed {seed}, the same "
-            f"for each gait{_rule(problem.file.objective)}",
+            f"for each gait{_rule(problem.objective)}",
             "Simulated": f"at {figure(problem.simulation.working.timestep_s)} s, "
             f"{problem.simulation.working.integrator}",
         },
@@ -391,7 +391,7 @@ def nominal_trajectories(problem: Problem, gaits: Mapping[str, Gait]) -> dict[st
 
 
 def _asked(problem: Problem, summary: Summary) -> dict[str, str]:
-    objective, verified = problem.file.objective, summary.verified
+    objective, verified = problem.objective, summary.verified
     terms = (f"{'more' if w < 0.0 else 'less'} {title_of(name)}" for name, w in objective.terms.items())
     started = "from planned gaits" if summary.warm_start else "cold"
     return {

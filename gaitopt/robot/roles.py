@@ -19,8 +19,8 @@ class Roles(BaseModel):
     """What effects, metrics and reports act on, by the names in the MJCF.
 
     Attributes:
-        marker: site whose motion is the robot's motion.
-        pads: geoms that are meant to grip.
+        marker: site whose motion is the robot's motion; None where only joints are of interest.
+        pads: geoms that are meant to grip; none where nothing grips.
         body: other geoms that may touch the ground.
         hinges: passive joints.
         forward: direction of travel in the world.
@@ -29,7 +29,7 @@ class Roles(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    marker: Name
+    marker: Name | None = None
     pads: list[Name] = []
     body: list[Name] = []
     hinges: list[Name] = []

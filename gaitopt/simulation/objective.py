@@ -50,7 +50,7 @@ def check_objective(problem: Problem) -> None:
     """
     known = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
     for key in ("terms", "constraints"):
-        for name in getattr(problem.file.objective, key):
+        for name in getattr(problem.objective, key):
             if name not in known:
                 raise unknown_name(f"{problem.source}: objective.{key}", "metric", name, known)
 
@@ -71,7 +71,7 @@ def evaluate(
         statuses: status of each scenario.
         margin: share by which every limit is tightened.
     """
-    objective = problem.file.objective
+    objective = problem.objective
     failed = next((status for status in statuses if status != "ok"), None)
     if failed is not None:
         return Evaluation(FAILED_COST, mean_metrics(list(rows)), {}, failed)

@@ -82,7 +82,7 @@ def test_a_rung_is_half_as_dear_and_all_else_the_same(strider: Problem) -> None:
     assert (horizon.transient_s, horizon.measured_s) == (0.15, 0.3)
     assert (horizon.transient_cycles, horizon.measured_cycles) == (1, 1)
     assert lower.problem.baselines == setting.problem.baselines
-    assert lower.problem.file.objective == setting.problem.file.objective
+    assert lower.problem.objective == setting.problem.objective
     assert len({setting.key, lower.key, ladder.coarser(setting).key, ladder.shorter(setting).key}) == 4
 
 

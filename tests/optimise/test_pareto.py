@@ -147,7 +147,7 @@ def test_without_two_gaits_there_is_a_search_for_the_cheapest(strider: Problem, 
     """Of a robot that cannot keep its limits no front is known; its budget is spent nevertheless."""
     limits = {"airtime": {"max": -1.0, "scale": 0.1}}
     objective = type(strider.file.objective).model_validate(
-        strider.file.objective.model_dump() | {"constraints": limits}
+        strider.objective.model_dump() | {"constraints": limits}
     )
     file = strider.file.model_copy(update={"objective": objective})
     flying = Problem.from_file(file, strider.source, strider.model_path)

@@ -110,7 +110,7 @@ def test_a_wrong_rule_over_scenarios_is_one_line(strider: Problem, rule: object)
 def test_the_rule_over_scenarios_survives_a_run_folder(strider: Problem, tmp_path: Path) -> None:
     problem = aiming(strider, terms={"speed_m_s": -1.0}, over_scenarios={"quantile": 0.2})
     write_problem(tmp_path, problem, nominal_mjcf(problem))
-    assert load_problem(tmp_path).file.objective == problem.file.objective
+    assert load_problem(tmp_path).file.objective == problem.objective
 
 
 def test_every_constraint_is_reported(strider: Problem) -> None:

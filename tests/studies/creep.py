@@ -67,7 +67,7 @@ class Standing:
     def __init__(self, problem: Problem, pose: tuple[float, ...], pull: tuple[float, float]):
         self.model = build_model(problem)
         self.data = mujoco.MjData(self.model)
-        self.marker = self.model.site(problem.roles.marker).id
+        self.marker = self.model.site(problem.marker).id
         mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.keyframe(START).id)
         force = PULL * Robot.of(self.model).weight * np.array(pull)
         begin = np.zeros(3)

@@ -70,7 +70,7 @@ def problem_of(case: str) -> Problem:
 
 def evaluator_of(problem: Problem, seed: int) -> Evaluator:
     """Return what a search of a seed judges gaits by."""
-    return Evaluator(setting_of(problem, seed), SerialExecutor(), problem.file.objective.search_margin)
+    return Evaluator(setting_of(problem, seed), SerialExecutor(), problem.objective.search_margin)
 
 
 def costs(evaluator: Evaluator, gaits: list[Gait]) -> Floats:

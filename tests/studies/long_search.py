@@ -49,7 +49,7 @@ def main() -> None:
     working = problem.simulation.working
     with open_executor("threads", None) as executor:
         fast = RobotSetup.of(problem, (NOMINAL,), working.model_copy(update=COARSEST))
-        nominal = Evaluator(fast, executor, problem.file.objective.search_margin)
+        nominal = Evaluator(fast, executor, problem.objective.search_margin)
         if winner.exists():
             costs = json.loads(kept.read_text())["costs"]
         else:

@@ -80,7 +80,7 @@ def watched(problem: Problem, gait: Gait, path: Trajectory) -> Watched:
     transient, measured = problem.simulation.horizon.cycles(gait.period_s)
     begin, end = transient * gait.period_s, (transient + measured) * gait.period_s
     forward, _, up = axes(problem)
-    limit = problem.file.objective.constraints["tilt_rad"].max or math.inf
+    limit = problem.objective.constraints["tilt_rad"].max or math.inf
     w, x, y, z = (path[f"heading.{part}"] for part in "wxyz")
     third = np.c_[2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)]
     beyond = path.time[np.arccos(np.clip(third @ up, -1.0, 1.0)) > limit]
@@ -124,7 +124,7 @@ class Watching(Evaluator):
 
 def search(problem: Problem, seed: int, budget: int, warm: bool) -> tuple[list[Entry], Watching, float]:
     """Return a search's entries, what its rollouts were like, and the best speed of the baselines."""
-    evaluator = Watching(setting_of(problem, seed), SerialExecutor(), problem.file.objective.search_margin)
+    evaluator = Watching(setting_of(problem, seed), SerialExecutor(), problem.objective.search_margin)
     evaluations = [one.evaluation for one in evaluator(list(problem.baselines.values()))]
     starts = [(gait, one.cost) for gait, one in zip(problem.baselines.values(), evaluations, strict=True)]
     study = searches.search(evaluator, budget, seed, starts, planned(problem, seed) if warm else ())
