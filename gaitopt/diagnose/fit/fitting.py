@@ -22,8 +22,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.residual import WhitenedTrial
-from gaitopt.diagnose.gap.predict import latest_gait_time
-from gaitopt.diagnose.record.dataset import Trial
+from gaitopt.diagnose.gap.predict import predictions
 from gaitopt.effects.active import Values
 from gaitopt.problem.problem import Problem
 from gaitopt.robot.signals import is_marker
@@ -301,20 +300,6 @@ def compare_robot(
             arrays = {"whitened": point.whitened, "apart": point.marker, "angles": point.angles}
             trial_set.cache.write(name, arrays)
     return None if point is None else trial_set.rewhiten_comparison(point, trial_set.first)
-
-
-def predictions(simulator: Simulator, trials: Sequence[Trial]) -> list[Trajectory]:
-    """Return what a robot is predicted to do in each trial, one rollout for each distinct drive."""
-    longest: dict[str, Trial] = {}
-    for trial in trials:
-        key = trial.drive.key
-        if key not in longest or latest_gait_time(trial) > latest_gait_time(longest[key]):
-            longest[key] = trial
-    done = {
-        key: simulator.observe(simulator.run(trial.drive, 0, latest_gait_time(trial)))
-        for key, trial in longest.items()
-    }
-    return [done[trial.drive.key] for trial in trials]
 
 
 @dataclass(frozen=True)

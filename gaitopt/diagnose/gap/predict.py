@@ -19,7 +19,7 @@ def predict(simulator: Simulator, trials: Sequence[Trial], executor: Executor) -
 def predict_each(
     robots: Iterable[tuple[Simulator, int]], trials: Sequence[Trial], executor: Executor
 ) -> list[list[Trajectory]]:
-    """Return the prediction of each trial by each robot, all rollouts at once.
+    """Return the prediction of each trial by each robot; all rollouts are submitted at once.
 
     Args:
         robots: simulators, each with the index of its scenario.
@@ -29,21 +29,35 @@ def predict_each(
     Returns:
         For each robot a list in the order of the trials.
     """
-    keys = [trial.drive.key for trial in trials]
-    durations: dict[str, float] = {}
-    drives: dict[str, Drive] = {}
-    for key, trial in zip(keys, trials, strict=True):
-        durations[key] = max(durations.get(key, 0.0), latest_gait_time(trial))
-        drives[key] = trial.drive
+    rollouts = _rollouts(trials)
     rows = [
-        {key: executor.submit(_measured, simulator, drives[key], scenario, durations[key]) for key in drives}
+        {
+            key: executor.submit(observed_rollout, simulator, drive, scenario, duration)
+            for key, (drive, duration) in rollouts.items()
+        }
         for simulator, scenario in robots
     ]
-    return [[row[key].result() for key in keys] for row in rows]
+    return [[row[trial.drive.key].result() for trial in trials] for row in rows]
 
 
-def _measured(simulator: Simulator, drive: Drive, scenario: int, duration: float) -> Trajectory:
-    """Return a rollout as it would be measured."""
+def predictions(simulator: Simulator, trials: Sequence[Trial]) -> list[Trajectory]:
+    """Return the prediction of each trial by one robot in its first scenario, simulated in this thread."""
+    done = {
+        key: observed_rollout(simulator, drive, 0, duration)
+        for key, (drive, duration) in _rollouts(trials).items()
+    }
+    return [done[trial.drive.key] for trial in trials]
+
+
+def observed_rollout(simulator: Simulator, drive: Drive, scenario: int, duration: float) -> Trajectory:
+    """Return a rollout as it would be measured: a unit of work that may run in another process.
+
+    Args:
+        simulator: the robot.
+        drive: the commands.
+        scenario: index of the simulator's scenario.
+        duration: length, s.
+    """
     return simulator.observe(simulator.run(drive, scenario, duration))
 
 
@@ -51,3 +65,13 @@ def latest_gait_time(trial: Trial) -> float:
     """Return the latest gait time at which a trial may end, s."""
     latest = trial.drive.block_s if trial.starts_at_s is None else trial.starts_at_s
     return max(float(trial.time[-1]) + latest, trial.drive.block_s)
+
+
+def _rollouts(trials: Sequence[Trial]) -> dict[str, tuple[Drive, float]]:
+    """Return each distinct drive and the time that its longest trial needs, s, by the drive's key."""
+    rollouts: dict[str, tuple[Drive, float]] = {}
+    for trial in trials:
+        key, latest = trial.drive.key, latest_gait_time(trial)
+        _, longest = rollouts.get(key, (trial.drive, 0.0))
+        rollouts[key] = trial.drive, max(longest, latest)
+    return rollouts

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.fit.cache import SimulationCache
-from gaitopt.diagnose.fit.fitting import Comparison, Note, TrialSet, build_trial_set, fit_all, predictions
+from gaitopt.diagnose.fit.fitting import Comparison, Note, TrialSet, build_trial_set, fit_all
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.pairs import fit_pairs
 from gaitopt.diagnose.fit.residual import whiten_trial
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floors
+from gaitopt.diagnose.gap.predict import predict_each
 from gaitopt.diagnose.judge import evidence, precision
 from gaitopt.diagnose.judge.covariance import Judgement
 from gaitopt.diagnose.judge.evidence import Candidate, Gap
@@ -156,8 +157,7 @@ def prepared(
     """Return the trials ready for fitting, beside the nominal robot, and beside robots drawn about it."""
     robots = perturbed_robots(simulator, seed)
     records = [aligned.trial for aligned in trials]
-    futures = [executor.submit(predictions, robot, records) for robot in robots]
-    drawn = [future.result() for future in futures]
+    drawn = predict_each([(robot, 0) for robot in robots], records, executor)
     views = [
         whiten_trial(aligned, floor, [row[i] for row in drawn])
         for i, (aligned, floor) in enumerate(zip(trials, floors, strict=True))
