@@ -1,4 +1,4 @@
-"""Disturbances that the library does not contain, for blind cases: a cause that must not be found in it."""
+"""Disturbances that are not in the library of effects: blind cases with a cause that it does not contain."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Figures = Mapping[str, float]
 
 
 @dataclass(frozen=True)
-class Outside:
+class Disturbance:
     """One kind of disturbance.
 
     Attributes:
@@ -37,13 +37,17 @@ class Outside:
     draw: Callable[[np.random.Generator, float, Simulator], dict[str, float]]
     act: Callable[[mujoco.MjModel, Simulator, Figures], Callable[[Array, float], None]]
 
+    def __reduce__(self) -> tuple[Callable[[str], Disturbance], tuple[str]]:
+        """Travel to another process by name, as effects do: every process has the same disturbances."""
+        return _by_name, (self.name,)
+
 
 @dataclass(frozen=True)
 class Disturbed(RobotEffects):
     """The effects of a robot, and a disturbance that acts while it runs."""
 
     simulator: Simulator | None = None
-    outside: Outside | None = None
+    disturbance: Disturbance | None = None
     figures: tuple[tuple[str, float], ...] = ()
 
     @property
@@ -54,9 +58,9 @@ class Disturbed(RobotEffects):
     def updates(self, model: mujoco.MjModel) -> list[Update]:
         """Return what is to be called while the model runs."""
         updates = super().updates(model)
-        if self.outside is None or self.simulator is None:
+        if self.disturbance is None or self.simulator is None:
             return updates
-        act = self.outside.act(model, self.simulator, dict(self.figures))
+        act = self.disturbance.act(model, self.simulator, dict(self.figures))
         calls = 0
 
         def update(sensed: Array) -> None:
@@ -67,10 +71,16 @@ class Disturbed(RobotEffects):
         return [*updates, update]
 
 
-def disturbed(simulator: Simulator, outside: Outside, figures: Figures) -> Simulator:
-    """Return a robot on which a disturbance acts."""
+def disturbed(simulator: Simulator, disturbance: Disturbance, figures: Figures) -> Simulator:
+    """Return a robot on which a disturbance acts.
+
+    Args:
+        simulator: the robot.
+        disturbance: the kind.
+        figures: what its `draw` returned.
+    """
     active = simulator.effects
-    with_it = Disturbed(active.active, active.nominal, simulator, outside, tuple(figures.items()))
+    with_it = Disturbed(active.active, active.nominal, simulator, disturbance, tuple(figures.items()))
     return replace(simulator, effects=with_it)
 
 
@@ -188,11 +198,15 @@ def _gust(model: mujoco.MjModel, simulator: Simulator, figures: Figures) -> Call
 OUTSIDE = {
     kind.name: kind
     for kind in (
-        Outside("sticky_stretch", "a stretch of floor on which the body sticks", _draw_sticky, _stick),
-        Outside("soft_spot", "a soft and slippery spot in the mat", _draw_soft, _sink),
-        Outside("brown_out", "a supply that browns out at intervals", _draw_brown_out, _brown_out),
-        Outside("limping_servo", "a servo that has no strength now and then", _draw_limp, _limp),
-        Outside("gusts", "air that pushes along the path at intervals", _draw_gusts, _gust),
+        Disturbance("sticky_stretch", "a stretch of floor on which the body sticks", _draw_sticky, _stick),
+        Disturbance("soft_spot", "a soft and slippery spot in the mat", _draw_soft, _sink),
+        Disturbance("brown_out", "a supply whose voltage drops at intervals", _draw_brown_out, _brown_out),
+        Disturbance("limping_servo", "a servo that has no strength now and then", _draw_limp, _limp),
+        Disturbance("gusts", "air that pushes along the path at intervals", _draw_gusts, _gust),
     )
 }
 """Every kind of disturbance by name."""
+
+
+def _by_name(name: str) -> Disturbance:
+    return OUTSIDE[name]

@@ -857,7 +857,8 @@ def _saying_how_to_go_on(memory: Any, options: argparse.Namespace) -> Iterator[N
 
 
 def _blind_make(options: argparse.Namespace) -> None:
-    from gaitopt.blind.cases import kinds_of, make_all
+    from gaitopt.blind.cases import CaseRequest, kinds_of, make_cases
+    from gaitopt.blind.factory import RecordingPlan
     from gaitopt.core.errors import bad_value
     from gaitopt.optimise.executors import open_executor
 
@@ -871,16 +872,16 @@ def _blind_make(options: argparse.Namespace) -> None:
     seed = _seed(options.seed)
     kinds = [options.kind] * options.cases if options.kind else kinds_of(options.cases, seed)
     with open_executor("threads", options.workers) as executor:
-        faint = make_all(
-            problem, options.out, kinds, seed, gaits, options.seconds, signals, options.only, executor
-        )
+        plan = RecordingPlan(gaits, options.seconds, signals)
+        faint = make_cases(problem, options.out, CaseRequest(kinds, seed, plan, options.only), executor)
     print(f"{len(kinds)} cases: {options.out}; their truth: {options.out / 'sealed'}")
     if faint:
         print(f"drawn but too faint within their bounds, on some target or side: {', '.join(faint)}")
 
 
 def _blind_score(options: argparse.Namespace) -> None:
-    from gaitopt.blind.scoring import read_cases, score, sentences
+    from gaitopt.blind.answers import read_cases
+    from gaitopt.blind.scoring import score, sentences
     from gaitopt.cli.display import steps_display
     from gaitopt.core.json import to_json
     from gaitopt.optimise.executors import open_executor
@@ -891,7 +892,7 @@ def _blind_score(options: argparse.Namespace) -> None:
         diagnose_folders(options.folder, diagnoses, executor, note)
     record = score(read_cases(options.folder, diagnoses))
     if options.json:
-        print(to_json(record), end="")
+        print(to_json(record.to_dict()), end="")
         return
     for sentence in sentences(record):
         print(sentence)

@@ -30,9 +30,11 @@ import numpy as np
 from kept import read_kept, version, write_kept
 from shared_rollouts import shared_rollouts
 
-from gaitopt.blind.cases import Maker, kinds_of, make_case, maker
+from gaitopt.blind.answers import Case
+from gaitopt.blind.cases import CaseRequest, kinds_of, make_case
 from gaitopt.blind.disturbances import OUTSIDE
-from gaitopt.blind.scoring import Case, score, sentences
+from gaitopt.blind.factory import CaseFactory, RecordingPlan
+from gaitopt.blind.scoring import Score, score, sentences
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
@@ -114,12 +116,12 @@ def main() -> None:
     done = {row["case"]: row for row in read_kept(kept, seed)}
     began, problem = time.monotonic(), load_problem("arcfold")
     with open_executor("threads", None) as executor, shared_rollouts(longest(problem)):
-        made = maker(problem, GAITS, SECONDS, plan.signals, executor)
+        factory = CaseFactory.of(problem, RecordingPlan(GAITS, SECONDS, plan.signals), executor)
         for index, (kind, only) in enumerate(plan.cases):
             if time.monotonic() - began > options.until:
                 break
             if (name := f"case-{index:03d}") not in done:
-                done[name] = run_case(problem, made, options.work, index, kind, only, seed, executor)
+                done[name] = run_case(factory, options.work, index, kind, only, seed, executor)
                 write_kept(kept, [done[each] for each in sorted(done)])
     write_record(options.out, options.plan, [done[each] for each in sorted(done)])
 
@@ -131,8 +133,7 @@ def longest(problem: Problem) -> dict[str, float]:
 
 
 def run_case(
-    problem: Problem,
-    made: Maker,
+    factory: CaseFactory,
     work: Path,
     index: int,
     kind: str,
@@ -146,10 +147,12 @@ def run_case(
     sealed, times = work / "sealed" / f"{name}.json", work / "times" / f"{name}.json"
     try:
         if not sealed.exists():
-            make_case(made, work, index, kind, seed, executor, only)
+            plan = RecordingPlan(list(factory.gaits), factory.seconds, factory.signals)
+            make_case(factory, work, index, kind, CaseRequest([kind], seed, plan, only), executor)
     except GaitoptError as unreachable:
         print(f"{name}: {unreachable}", flush=True)
         return head | {"unreachable": only or kind}
+    problem = factory.problem
     simulator = Simulator.build(problem)
     dataset = load_dataset(work / name, problem, [s for s in simulator.signals if s])
     memory = SimulationCache.of(work / "memory" / name, simulator, dataset, 1)
@@ -199,26 +202,30 @@ def _line(row: dict[str, Any]) -> str:
 
 def write_record(out: Path, plan: str, rows: list[dict[str, Any]]) -> None:
     """Write the record, each case's row, and of single effects the confusion matrix and calibration plot."""
-    cases = [Case(row["case"], row["truth"], row["diagnosis"]) for row in rows if "truth" in row]
+    known = [row for row in rows if "truth" in row]
+    cases = [
+        Case.model_validate({"name": row["case"], "truth": row["truth"], "diagnosis": row["diagnosis"]})
+        for row in known
+    ]
     record = score(cases)
     print("\n".join(sentences(record)))
     more = {
         "unreachable": sorted({row["unreachable"] for row in rows if "unreachable" in row}),
         "versions": sorted({row["version"] for row in rows}),
-        "cost": _cost(cases),
+        "cost": _cost(known),
         "alike": alike(cases),
     }
-    figures = {key: value for key, value in record.items() if key != "rows"}
+    figures = {key: value for key, value in record.to_dict().items() if key != "rows"}
     write_text(out / f"{plan}.json", to_json(figures | more))
     lines = [
         "| case | planted | gap, floors | verdict | blamed | not to be told from it | other |",
         "|---|---|---|---|---|---|---|",
     ]
-    for row in record["rows"]:
+    for row in record.rows:
         lines.append(
-            f"| {row['case'][5:]} | {', '.join(row['planted']) or '–'} | {row['gap_over_floor']:.1f} | "
-            f"{row['verdict']} | {', '.join(row['causes']) or '–'} | "
-            f"{', '.join(row['ambiguous_with']) or '–'} | {row['other_probability'] or 0.0:.2f} |"
+            f"| {row.case[5:]} | {', '.join(row.planted) or '–'} | {row.gap_over_floor:.1f} | "
+            f"{row.verdict} | {', '.join(row.causes) or '–'} | "
+            f"{', '.join(row.ambiguous_with) or '–'} | {row.other_probability or 0.0:.2f} |"
         )
     parts = [*(f"- {s}" for s in sentences(record)), "", *lines, *_alike_table(more["alike"])]
     write_text(out / f"{plan}.md", "\n".join(parts) + "\n")
@@ -239,11 +246,11 @@ def _alike_table(rows: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def _cost(cases: list[Case]) -> dict[str, dict[str, float]]:
+def _cost(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
     """Return medians and largest of wall and core seconds, by kind of case."""
     cost = {}
-    for kind in dict.fromkeys(case.kind for case in cases):
-        of_kind = [case.diagnosis for case in cases if case.kind == kind]
+    for kind in dict.fromkeys(row["truth"]["kind"] for row in rows):
+        of_kind = [row["diagnosis"] for row in rows if row["truth"]["kind"] == kind]
         cost[kind] = {
             f"{name}_{key}": float(number([row[key] for row in of_kind]))
             for key in ("wall_s", "cpu_s")
@@ -261,11 +268,11 @@ def alike(cases: list[Case]) -> list[dict[str, Any]]:
     for case in cases:
         if case.kind != "single" or case.top not in case.planted:
             continue
-        for row in case.diagnosis["effects"]:
-            if row["name"] not in case.planted and row["alike"] >= ALIKE:
-                angle = math.degrees(math.acos(min(1.0, row["alike"])))
-                entry = (angle, row["name"] in case.answer)
-                found.setdefault((case.planted[0], row["name"]), []).append(entry)
+        for row in case.diagnosis.effects:
+            if row.name not in case.planted and row.alike >= ALIKE:
+                angle = math.degrees(math.acos(min(1.0, row.alike)))
+                entry = (angle, row.name in case.answer)
+                found.setdefault((case.planted[0], row.name), []).append(entry)
     rows = [
         {
             "planted": planted,
@@ -304,11 +311,11 @@ def _confusion(path: Path, cases: list[Case]) -> None:
     plt.close(figure)
 
 
-def _calibration(path: Path, record: dict[str, Any]) -> None:
+def _calibration(path: Path, record: Score) -> None:
     """Draw how often the first cause was right against the probability that was said."""
     figure, axes = plt.subplots(figsize=(4.2, 4.0), layout="constrained")
     axes.plot([0.0, 1.0], [0.0, 1.0], color="0.6", linewidth=1.0, linestyle="--", label="as said")
-    rows = record["calibration"]
+    rows = [one.to_dict() for one in record.calibration]
     said, right = np.array([r["said"] for r in rows]), np.array([r["value"] for r in rows])
     ends = np.array([r["ci90"] for r in rows]).reshape(-1, 2)
     axes.errorbar(said, right, [right - ends[:, 0], ends[:, 1] - right], fmt="o", color="#0072B2", capsize=3)

@@ -24,7 +24,9 @@ import numpy as np
 from kept import read_kept, version, write_kept
 from shared_rollouts import shared_rollouts
 
-from gaitopt.blind.cases import Draw, Maker, draw_case, filmed_s, maker, shoot, write_recordings
+from gaitopt.blind.drawing import Draw, draw_case
+from gaitopt.blind.factory import CaseFactory, RecordingPlan, walked_s
+from gaitopt.blind.recording import record, write_recording
 from gaitopt.blind.scoring import mean, rate
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
@@ -46,47 +48,47 @@ RANDOM = 2
 class Study:
     """What all cases share, and the executor."""
 
-    made: Maker
+    factory: CaseFactory
     seed: int
     executor: Executor
 
     def film(self, draw: Draw, index: int, folder: Path, gait: Gait | None = None) -> Path:
         """Write the case's data set, with the recording of one more gait where there is one."""
-        made = self.made
+        factory = self.factory
         folder.mkdir(parents=True, exist_ok=True)
         if gait is not None:
-            path = replace(made.nominal.run(gait, 0, filmed_s(gait, SECONDS)), status="ok")
-            made = replace(
-                made,
-                gaits={**made.gaits, gait.name: gait},
-                paths={**made.paths, gait.name: path},
-                floors={**made.floors, gait.name: np.inf},
+            path = replace(factory.nominal.run(gait, 0, factory.walked_s(gait)), status="ok")
+            factory = replace(
+                factory,
+                gaits={**factory.gaits, gait.name: gait},
+                paths={**factory.paths, gait.name: path},
+                floors={**factory.floors, gait.name: np.inf},
             )
             write_gait(folder / gait.name, gait)
-        footage = shoot(made, draw, np.random.default_rng([self.seed, 41, index]), self.executor)
-        failed = [name for name, path in footage.paths.items() if path.status != "ok"]
+        recording = record(factory, draw, np.random.default_rng([self.seed, 41, index]), self.executor)
+        failed = [name for name, path in recording.paths.items() if path.status != "ok"]
         if failed:
             raise GaitoptError(f"{failed[0]}: the robot of the case cannot walk it")
-        write_recordings(made, footage, folder, np.random.default_rng([self.seed, 42, index]))
+        write_recording(factory, recording, folder, np.random.default_rng([self.seed, 42, index]))
         return folder
 
     def diagnosed(self, folder: Path, next_gait: bool) -> Diagnosis:
         """Return the diagnosis of a data set."""
-        simulator = self.made.nominal
-        dataset = load_dataset(folder, self.made.problem, [s for s in simulator.signals if s])
+        simulator = self.factory.nominal
+        dataset = load_dataset(folder, self.factory.problem, [s for s in simulator.signals if s])
         return diagnose(simulator, dataset, self.executor, 1, next_gait=next_gait)
 
     def case(self, index: int, work: Path) -> dict[str, Any]:
         """Return what became of one case: the set before, and after each of the gaits."""
         rng = np.random.default_rng([self.seed, 40, index])
-        draw, _ = draw_case(self.made, "single", rng, self.executor)
-        truth = draw.planted[0][0].effect.name
+        draw = draw_case(self.factory, "single", rng, self.executor).draw
+        truth = draw.planted[0].hypothesis.effect.name
         before = self.diagnosed(self.film(draw, index, work / f"{index:03d}"), True)
         row: dict[str, Any] = {"case": index, "seed": self.seed, "version": version(), "planted": truth}
         row["before"] = _answer(before, truth)
         if before.verdict != "ambiguous" or before.experiment is None:
             return row
-        space = self.made.problem.space
+        space = self.factory.problem.space
         proposed = replace(before.experiment.gait, name="next")
         row["expected_separation"] = before.experiment.separation
         row["proposed"] = self._after(draw, index, work, proposed, truth)
@@ -120,17 +122,17 @@ def main() -> None:
     kept = options.out / "next-experiment.jsonl"
     rows = read_kept(kept, options.seed)
     first = problem.baselines[FIRST]
-    longest = {first.key: filmed_s(first, SECONDS)}
+    longest = {first.key: walked_s(first, SECONDS)}
     with open_executor("threads", None) as executor, shared_rollouts(longest):
-        made = maker(problem, [FIRST], SECONDS, SIGNALS, executor)
-        study = Study(made, options.seed, executor)
+        factory = CaseFactory.of(problem, RecordingPlan([FIRST], SECONDS, SIGNALS), executor)
+        study = Study(factory, options.seed, executor)
         while sum("proposed" in row for row in rows) < options.ambiguous:
             rows.append(study.case(len(rows), options.work))
             print(_line(rows[-1]), flush=True)
             write_kept(kept, rows)
-    record = summary(rows)
-    print("\n".join(sentences(record)))
-    write(options.out, record, [row for row in rows if "proposed" in row])
+    found = summary(rows)
+    print("\n".join(sentences(found)))
+    write(options.out, found, [row for row in rows if "proposed" in row])
 
 
 def _line(row: dict[str, Any]) -> str:
@@ -147,7 +149,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "cases_tried": len(rows),
         "ambiguous": len(used),
-        "size_before": mean([float(len(row["before"]["named"])) for row in used]),
+        "size_before": _mean([float(len(row["before"]["named"])) for row in used]),
         "named": _compared(used, _size),
         "named_with_the_truth": _compared(used, _size_if_true),
         "truth_in_before": _rate([row["before"] for row in used]),
@@ -161,9 +163,9 @@ def _compared(used: list[dict[str, Any]], size: Callable[..., float]) -> dict[st
     proposed = [size(row["proposed"], row["before"]) for row in used]
     random = [float(np.mean([size(r, row["before"]) for r in row["random"]])) for row in used]
     return {
-        "after_proposed": mean(proposed),
-        "after_random": mean(random),
-        "difference": mean([r - p for p, r in zip(proposed, random, strict=True)]),
+        "after_proposed": _mean(proposed),
+        "after_random": _mean(random),
+        "difference": _mean([r - p for p, r in zip(proposed, random, strict=True)]),
         "smaller": sum(p < r for p, r in zip(proposed, random, strict=True)),
         "larger": sum(p > r for p, r in zip(proposed, random, strict=True)),
     }
@@ -181,7 +183,11 @@ def _size_if_true(after: dict[str, Any], before: dict[str, Any]) -> float:
 
 def _rate(answers: list[dict[str, Any]]) -> dict[str, Any]:
     filmed: list[Any] = [answer for answer in answers if answer["named"] is not None]
-    return rate(filmed, lambda answer: bool(answer["truth_in"]))
+    return rate(filmed, lambda answer: bool(answer["truth_in"])).to_dict()
+
+
+def _mean(values: list[float]) -> dict[str, Any]:
+    return mean(values).to_dict()
 
 
 def sentences(record: dict[str, Any]) -> list[str]:

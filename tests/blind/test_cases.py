@@ -1,18 +1,21 @@
 """Sealed cases: made, diagnosed without their truth, and scored with it."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gaitopt.blind.cases import kinds_of
+from gaitopt.blind.cases import CaseRequest, kinds_of, make_cases
 from gaitopt.blind.disturbances import OUTSIDE, disturbed
-from gaitopt.blind.scoring import Case, rate, score, sentences
+from gaitopt.blind.factory import RecordingPlan
 from gaitopt.cli.app import main
+from gaitopt.optimise.executors import open_executor
+from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import Simulator
 
 
-def test_cases_are_diagnosed_without_their_truth(tmp_path, capsys):
+def test_cases_are_diagnosed_without_their_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cases, hidden = tmp_path / "cases", tmp_path / "hidden"
     make = ["blind", "make", "arcfold", "--cases", "1", "--kind", "none", "--seconds", "4", "--seed", "3"]
     assert main([*make, "--gaits", "square-1s", "--out", str(cases)]) == 0
@@ -29,7 +32,7 @@ def test_cases_are_diagnosed_without_their_truth(tmp_path, capsys):
     assert record["false_cause"] == {"value": 0.0, "ci90": [0.0, pytest.approx(0.73, abs=0.01)], "cases": 1}
 
 
-def test_the_same_seed_makes_the_same_case(tmp_path):
+def test_the_same_seed_makes_the_same_case(tmp_path: Path) -> None:
     for name in ("a", "b"):
         make = ["blind", "make", "arcfold", "--cases", "1", "--kind", "single", "--only", "servo_trim"]
         more = ["--gaits", "square-1s", "--seconds", "3", "--out", str(tmp_path / name)]
@@ -48,16 +51,21 @@ def test_the_same_seed_makes_the_same_case(tmp_path):
         (["--signals", "marker.w"], "unknown signal"),
         (["--kind", "single", "--only", "servo_trum"], "servo_trim"),
         (["--only", "servo_trim"], "--kind"),
+        (["--kind", "outside", "--only", "servo_trim"], "an effect with --kind single"),
+        (["--kind", "pair", "--only", "servo_trim"], "an effect with --kind single"),
+        (["--kind", "single", "--only", "gusts"], "a disturbance with --kind outside"),
     ],
 )
-def test_wrong_requests_are_said_in_a_line(arguments, said, tmp_path, capsys):
+def test_wrong_requests_are_said_in_a_line(
+    arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     base = ["blind", "make", "arcfold", "--cases", "1", "--gaits", "square-1s", "--seconds", "3"]
     assert main([*base, "--out", str(tmp_path / "x"), *arguments]) == 1
     assert said in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", OUTSIDE)
-def test_a_disturbance_moves_the_robot_otherwise(name, arcfold):
+def test_a_disturbance_moves_the_robot_otherwise(name: str, arcfold: Problem) -> None:
     simulator = Simulator.build(arcfold)
     figures = OUTSIDE[name].draw(np.random.default_rng(1), 0.9, simulator)
     gait = arcfold.baselines["square-1s"]
@@ -67,7 +75,7 @@ def test_a_disturbance_moves_the_robot_otherwise(name, arcfold):
     assert np.abs(other["marker.x"] - plain["marker.x"]).max() > 1e-3
 
 
-def test_kinds_are_drawn_in_their_shares():
+def test_kinds_are_drawn_in_their_shares() -> None:
     kinds = kinds_of(40, 1)
     assert len(kinds) == 40
     assert {kind: kinds.count(kind) for kind in ("none", "outside", "pair")} == {
@@ -77,67 +85,20 @@ def test_kinds_are_drawn_in_their_shares():
     }
 
 
-def case(kind, planted, verdict, causes, others=(), gap=10.0, alike=0.5):
-    effects = [
-        {
-            "name": name,
-            "target": "all",
-            "probability": 0.5,
-            "parameters": {"scale": {"value": 1.1, "ci90": [1.0, 1.2]}},
-            "heldout_shrinkage": 0.9,
-            "alike": alike,
-        }
-        for name in [*causes, *others]
-    ]
-    rows = [{"name": name, "target": "all", "parameters": {"scale": 1.15}} for name in planted]
-    return Case(
-        "case",
-        {"kind": kind, "effects": rows, "gap_over_floor": gap},
-        {
-            "verdict": verdict,
-            "causes": causes,
-            "ambiguous_with": list(others),
-            "effects": effects,
-            "other_probability": 0.1,
-            "gap": {"shrinkage": 0.9},
-        },
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["single", "outside"])
+def test_a_case_made_in_processes_has_the_same_bytes(kind: str, arcfold: Problem, tmp_path: Path) -> None:
+    plan = RecordingPlan(["square-1s"], 2.0)
+    for name in ("serial", "processes"):
+        with open_executor(name, None if name == "serial" else 2) as executor:
+            make_cases(arcfold, tmp_path / name, CaseRequest([kind], 4, plan), executor)
+    serial, processes = (
+        {str(path.relative_to(tmp_path / name)): path.read_bytes() for path in _files(tmp_path / name)}
+        for name in ("serial", "processes")
     )
+    assert len(serial) == 5
+    assert serial == processes
 
 
-def test_the_score_counts_what_it_says():
-    record = score(
-        [
-            case("single", ["a"], "explained", ["a"]),
-            case("single", ["a"], "ambiguous", ["b"], ["a"]),
-            case("single", ["a"], "ambiguous", ["b"], ["a"], alike=0.999),
-            case("single", ["a"], "explained", ["b"]),
-            case("single", ["a"], "explained", ["b"], gap=2.0),
-            case("none", [], "no_gap", [], gap=0.0),
-            case("outside", ["z"], "unexplained", []),
-            case("pair", ["a", "b"], "explained", ["a", "b"]),
-        ]
-    )
-    assert record["top_right"]["value"] == 0.5  # a tie counts as right
-    assert record["truth_in_set"]["value"] == 0.75
-    assert record["mean_set_size"]["value"] == 1.5
-    assert record["false_cause"]["value"] == 0.0
-    assert record["outside_recognised"]["value"] == record["pair_both"]["value"] == 1.0
-    assert record["coverage"]["value"] == 1.0
-    assert record["small_gaps"] == 1
-    assert any("top cause right: 50%" in sentence for sentence in sentences(record))
-
-
-def test_one_of_two_causes_is_no_tie():
-    record = score([case("single", ["a"], "explained", ["b", "a"], alike=1.0)])
-    assert (record["top_right"]["value"], record["truth_in_set"]["value"]) == (0.0, 1.0)
-
-
-def test_a_rate_of_nothing_is_nothing():
-    assert rate([], lambda c: True) == {"value": None, "ci90": [None, None], "cases": 0}
-
-
-def test_the_interval_of_a_rate_reaches_a_rate_of_0_or_1():
-    for count in range(1, 100):
-        same = [case("none", [], "no_gap", [])] * count
-        assert rate(same, lambda c: True)["ci90"][1] == 1.0
-        assert rate(same, lambda c: False)["ci90"][0] == 0.0
+def _files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.is_file())

@@ -1,0 +1,158 @@
+"""A sealed case beside its diagnosis: what of the answer is right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from gaitopt.blind.sealed import SEALED_FOLDER, Truth, read_truth
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.files import read_json, validated
+
+TIED = 0.995
+"""Effects whose whitened signatures have this cosine are told apart by no likelihood."""
+
+
+class FittedParameter(BaseModel):
+    """A parameter as ``diagnosis.json`` has it; what is not finite is null there."""
+
+    model_config = ConfigDict(frozen=True)
+
+    value: float | None
+    ci90: tuple[float | None, float | None]
+
+    def covers(self, value: float) -> bool:
+        """Whether a value lies in the 90 % interval."""
+        low, high = self.ci90
+        return low is not None and high is not None and low <= value <= high
+
+
+class AnsweredEffect(BaseModel):
+    """One row of ``effects`` in ``diagnosis.json``, as far as it is scored."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    target: str
+    probability: float
+    parameters: dict[str, FittedParameter]
+    heldout_shrinkage: float | None
+    alike: float
+
+
+class AnsweredGap(BaseModel):
+    """``gap`` in ``diagnosis.json``, as far as it is scored."""
+
+    model_config = ConfigDict(frozen=True)
+
+    shrinkage: float | None
+
+
+class Answer(BaseModel):
+    """A ``diagnosis.json``, as far as it is scored."""
+
+    model_config = ConfigDict(frozen=True)
+
+    verdict: str
+    causes: tuple[str, ...]
+    ambiguous_with: tuple[str, ...]
+    effects: tuple[AnsweredEffect, ...]
+    other_probability: float | None
+    gap: AnsweredGap
+
+
+class KnownParameter(BaseModel):
+    """The true value of a planted parameter, and the fitted one."""
+
+    model_config = ConfigDict(frozen=True)
+
+    true: float
+    fitted: FittedParameter
+
+
+class Case(BaseModel):
+    """One sealed case and its diagnosis.
+
+    Attributes:
+        name: the case's name.
+        truth: what was planted.
+        diagnosis: what the diagnosis says.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    truth: Truth
+    diagnosis: Answer
+
+    @property
+    def kind(self) -> str:
+        """single, pair, none or outside."""
+        return self.truth.kind
+
+    @property
+    def planted(self) -> list[str]:
+        """The effects planted."""
+        return [effect.name for effect in self.truth.effects]
+
+    @property
+    def answer(self) -> list[str]:
+        """Everything that the answer names."""
+        return [*self.diagnosis.causes, *self.diagnosis.ambiguous_with]
+
+    @property
+    def top(self) -> str | None:
+        """The first cause named."""
+        return next(iter(self.diagnosis.causes), None)
+
+    @property
+    def top_right(self) -> bool:
+        """Whether the top cause is right; a tie that no data can split counts as right."""
+        return self.top in self.planted or (self.in_set and self._tied())
+
+    @property
+    def in_set(self) -> bool:
+        """Whether the truth is among the effects named."""
+        return all(name in self.answer for name in self.planted)
+
+    def _tied(self) -> bool:
+        """Whether the planted effect has the signature of the one cause named; with two there is no tie."""
+        row = self.row(self.planted[0])
+        return len(self.diagnosis.causes) == 1 and row is not None and row.alike >= TIED
+
+    def row(self, effect: str | None) -> AnsweredEffect | None:
+        """Return what the diagnosis says of an effect."""
+        return next((row for row in self.diagnosis.effects if row.name == effect), None)
+
+    @property
+    def parameter(self) -> KnownParameter | None:
+        """The parameter of a single case whose effect and target were found."""
+        planted = self.truth.effects[0]
+        row = self.row(planted.name)
+        if row is None or row.target != planted.target:
+            return None
+        name, true = next(iter(planted.parameters.items()))
+        return KnownParameter(true=true, fitted=row.parameters[name])
+
+
+def read_cases(folder: Path, diagnoses: Path) -> list[Case]:
+    """Return every sealed case that has been diagnosed.
+
+    Args:
+        folder: the folder of the cases, with its ``sealed`` truth.
+        diagnoses: the folder with a run folder for each case.
+
+    Raises:
+        GaitoptError: there is no sealed truth, or a file does not hold what it should.
+    """
+    sealed = sorted((folder / SEALED_FOLDER).glob("case-*.json"))
+    if not sealed:
+        raise GaitoptError(f"{folder}: no {SEALED_FOLDER}/case-*.json there")
+    cases = []
+    for path in sealed:
+        found = diagnoses / path.stem / "diagnosis.json"
+        if found.is_file():
+            answer = validated(Answer, read_json(found), found)
+            cases.append(Case(name=path.stem, truth=read_truth(path), diagnosis=answer))
+    return cases

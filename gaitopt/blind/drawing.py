@@ -1,0 +1,223 @@
+"""A case is drawn: which effect or disturbance is planted, and how large."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaitopt.blind.disturbances import OUTSIDE, disturbed
+from gaitopt.blind.factory import CaseFactory, observed
+from gaitopt.blind.sealed import PlantedEffect
+from gaitopt.core.errors import GaitoptError
+from gaitopt.diagnose.fit.hypotheses import Hypothesis
+from gaitopt.effects.active import Values
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Fidelity
+from gaitopt.simulation.rollout import NOMINAL, Simulator
+
+
+@dataclass(frozen=True)
+class Planted:
+    """An effect of the library at one value: a hypothesis and its coordinate."""
+
+    hypothesis: Hypothesis
+    at: float
+
+
+@dataclass(frozen=True)
+class PlantedDisturbance:
+    """A disturbance outside the library: its name and what was drawn for it."""
+
+    name: str
+    figures: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A case as it was drawn, before it is recorded.
+
+    Attributes:
+        kind: one of `settings.KINDS`.
+        planted: the effects planted.
+        disturbance: the disturbance planted, if any.
+    """
+
+    kind: str
+    planted: tuple[Planted, ...] = ()
+    disturbance: PlantedDisturbance | None = None
+
+    @property
+    def effects(self) -> dict[str, Values]:
+        """What a problem file says of the effects."""
+        return {p.hypothesis.effect.name: p.hypothesis.values(p.at) for p in self.planted}
+
+    @property
+    def rows(self) -> tuple[PlantedEffect, ...]:
+        """What the truth says of the effects."""
+        if self.disturbance is not None:
+            figures = dict(self.disturbance.figures)
+            return (PlantedEffect(name=self.disturbance.name, target="all", parameters=figures),)
+        return tuple(
+            PlantedEffect(
+                name=p.hypothesis.effect.name,
+                target=p.hypothesis.target,
+                parameters={p.hypothesis.effect.parameter: p.hypothesis.value(p.at)},
+            )
+            for p in self.planted
+        )
+
+    def robot(self, problem: Problem, fidelity: Fidelity) -> Simulator:
+        """Return the robot with what was planted, in the nominal scenario.
+
+        Raises:
+            GaitoptError: the model with the effects does not compile.
+        """
+        robot = Simulator.build(problem.with_effects(self.effects), (NOMINAL,), fidelity)
+        if self.disturbance is None:
+            return robot
+        return disturbed(robot, OUTSIDE[self.disturbance.name], self.disturbance.figures)
+
+
+@dataclass(frozen=True)
+class Sized:
+    """A draw whose gap has been simulated.
+
+    Attributes:
+        draw: the draw.
+        gap: its gap by the nominal numerics, floors.
+        faint: effects that were drawn before it and made no gap on the target and side drawn.
+    """
+
+    draw: Draw
+    gap: float
+    faint: tuple[str, ...] = ()
+
+
+BySize = Callable[[float], Draw]
+"""From a size between 0 (nothing) and 1 (the bound) to a draw."""
+
+
+def draw_case(
+    factory: CaseFactory, kind: str, rng: np.random.Generator, executor: Executor, only: str | None = None
+) -> Sized:
+    """Draw a case whose gap is between the settings' smallest and largest.
+
+    Args:
+        factory: what all cases share.
+        kind: one of `settings.KINDS`.
+        rng: where the draws come from.
+        executor: where robots are simulated.
+        only: the effect or disturbance to plant; any by default.
+
+    Raises:
+        GaitoptError: the effect asked for cannot make such a gap.
+    """
+    if kind == "none":
+        return Sized(Draw(kind), 0.0)
+    faint: list[str] = []
+    for _ in range(factory.settings.effects_tried):
+        count = 2 if kind == "pair" else 1
+        chosen = [only] if only else rng.choice(factory.effects, count, replace=False).tolist()
+        if kind == "outside":
+            found = _sized(factory, _disturbance_by_size(factory, only, rng), rng, executor)
+        elif kind == "pair":
+            found = _pair(factory, [str(name) for name in chosen], rng, executor)
+        else:
+            found = _sized(factory, _effect_by_size(factory, str(chosen[0]), rng), rng, executor)
+        if found is not None:
+            return Sized(found.draw, found.gap, tuple(faint))
+        if kind == "single":
+            faint.append(str(chosen[0]))
+    low, high = factory.settings.smallest, factory.settings.largest
+    raise GaitoptError(f"{only or kind}: no gap of {low:g} to {high:g} floors was found inside its bounds")
+
+
+def _effect_by_size(factory: CaseFactory, name: str, rng: np.random.Generator) -> BySize:
+    """Draw an effect's target and side, and leave the size open."""
+    of_name = [candidate for candidate in factory.candidates if candidate.effect.name == name]
+    chosen = of_name[int(rng.integers(len(of_name)))]
+    bound = chosen.sides[int(rng.integers(len(chosen.sides)))]
+
+    def by_size(size: float) -> Draw:
+        return Draw("single", (Planted(chosen, chosen.neutral + size * (bound - chosen.neutral)),))
+
+    return by_size
+
+
+def _disturbance_by_size(factory: CaseFactory, only: str | None, rng: np.random.Generator) -> BySize:
+    """Draw a disturbance and a seed, and leave the size open."""
+    name = only or str(rng.choice(sorted(OUTSIDE)))
+    seed = int(rng.integers(2**31))
+
+    def by_size(size: float) -> Draw:
+        figures = OUTSIDE[name].draw(np.random.default_rng(seed), size, factory.nominal)
+        return Draw("outside", (), PlantedDisturbance(name, figures))
+
+    return by_size
+
+
+def _pair(
+    factory: CaseFactory, names: list[str], rng: np.random.Generator, executor: Executor
+) -> Sized | None:
+    """Draw two effects, each of which makes a gap; None where they do not."""
+    settings = factory.settings
+    most = settings.pair_share * settings.largest
+    found = [_sized(factory, _effect_by_size(factory, name, rng), rng, executor, most) for name in names]
+    if found[0] is None or found[1] is None:
+        return None
+    draw = Draw("pair", found[0].draw.planted + found[1].draw.planted)
+    gap = _gap_of(factory, draw, executor)
+    return Sized(draw, gap) if settings.fits(gap, settings.excess * settings.largest) else None
+
+
+def _sized(
+    factory: CaseFactory,
+    by_size: BySize,
+    rng: np.random.Generator,
+    executor: Executor,
+    most: float | None = None,
+) -> Sized | None:
+    """Find a draw with a gap of a random size in range, by bisection; None where there is none.
+
+    Args:
+        factory: what all cases share.
+        by_size: the draw at a size.
+        rng: where the wanted gap comes from.
+        executor: where robots are simulated.
+        most: largest gap, floors; the settings' by default.
+    """
+    settings = factory.settings
+    most = settings.largest if most is None else most
+    wanted = settings.smallest * (0.8 * most / settings.smallest) ** float(rng.uniform(0.1, 1.0))
+    low, high = 0.0, 1.0
+    size = float(rng.uniform(0.1, 0.9))
+    best: Sized | None = None
+    for _ in range(settings.bisections):
+        draw = by_size(size)
+        gap = _gap_of(factory, draw, executor)
+        if settings.fits(gap, most):
+            best = Sized(draw, gap)
+            if settings.close * wanted <= gap <= settings.wide * wanted:
+                return best
+        low, high = (size, high) if gap < wanted else (low, size)
+        size = 0.5 * (low + high)
+        if low > 0.95:
+            break
+    return best
+
+
+def _gap_of(factory: CaseFactory, draw: Draw, executor: Executor) -> float:
+    """Return the largest gap of any gait in floors, by the nominal numerics."""
+    try:
+        robot = draw.robot(factory.problem, factory.nominal.fidelity)
+    except GaitoptError:
+        return math.inf
+    futures = {
+        name: executor.submit(observed, robot, gait, factory.paths[name].time[-1])
+        for name, gait in factory.gaits.items()
+    }
+    return factory.gap(factory.paths, {name: future.result() for name, future in futures.items()})

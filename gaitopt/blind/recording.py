@@ -1,0 +1,151 @@
+"""Recordings of a case: a robot of other numerics walks, and a camera with noise sees it."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+
+from gaitopt.blind.drawing import Draw
+from gaitopt.blind.factory import CaseFactory, observed
+from gaitopt.core.files import csv_text, write_text
+from gaitopt.diagnose.judge.small_errors import with_small_errors
+from gaitopt.problem.records import Fidelity
+from gaitopt.robot.trajectory import Trajectory
+from gaitopt.simulation.rollout import Scenario, Simulator
+
+
+@dataclass(frozen=True)
+class Camera:
+    """What was drawn for a case's recordings.
+
+    Attributes:
+        known: whether the recordings say when they begin.
+        fps: frames a second.
+        noise_m: standard deviation of the marker's noise, m.
+    """
+
+    known: bool
+    fps: float
+    noise_m: float
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a case's robot did, and what else was drawn.
+
+    Attributes:
+        paths: its trajectories, by gait.
+        gap: how far the effect alone moved marker and joints, the largest of all gaits, in floors.
+        camera: what was drawn for the recordings.
+        figures: the robot's numerics and the camera, for the sealed truth.
+    """
+
+    paths: Mapping[str, Trajectory]
+    gap: float
+    camera: Camera
+    figures: Mapping[str, float]
+
+
+def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor: Executor) -> Recording:
+    """Simulate a case's robot.
+
+    It has another integrator, timestep and cone stiffness, a start pose with errors, and small errors of
+    masses and hinges. Its twin has all of that too, but not the effect: their distance is the gap.
+
+    Args:
+        factory: what all cases share.
+        draw: what is planted.
+        rng: where the numerics and the camera come from.
+        executor: where robots are simulated.
+    """
+    settings = factory.settings
+    fidelity = settings.fidelities[int(rng.integers(len(settings.fidelities)))]
+    impratio = float(rng.choice(settings.impratios))
+    needed = any(planted.hypothesis.effect.needs_known_start for planted in draw.planted)
+    known = needed or bool(rng.random() < settings.known_share)
+    fps, noise = float(rng.choice(settings.frame_rates)), float(rng.uniform(*settings.marker_noise_m))
+    errors_seed = int(rng.integers(2**31))
+    spread = settings.start_pose * factory.problem.file.scenarios.start_pose_rad
+    poses = {
+        name: Scenario(start_pose_rad=spread, pose_seed=int(rng.integers(2**31))) for name in factory.gaits
+    }
+    futures = []
+    for one in (draw, Draw("none")) if draw.rows else (draw,):
+        robot = _other_numerics(factory, one, fidelity, impratio, errors_seed)
+        futures.append(
+            {
+                name: executor.submit(
+                    observed, replace(robot, scenarios=(poses[name],)), gait, factory.walked_s(gait)
+                )
+                for name, gait in factory.gaits.items()
+            }
+        )
+    paths, *twin = ({name: future.result() for name, future in of_robot.items()} for of_robot in futures)
+    figures = {"timestep_s": fidelity.timestep_s, "impratio": impratio, "noise_m": noise, "fps": fps}
+    gap = factory.gap(twin[0], paths) if twin else 0.0
+    return Recording(paths, gap, Camera(known, fps, noise), figures | {"known": float(known)})
+
+
+def _other_numerics(
+    factory: CaseFactory, draw: Draw, fidelity: Fidelity, impratio: float, errors_seed: int
+) -> Simulator:
+    """Return a robot with what was planted, small errors, and numerics that the diagnosis does not use."""
+    robot = draw.robot(factory.problem, fidelity)
+    model = with_small_errors(copy.copy(robot.models[0]), robot, np.random.default_rng(errors_seed))
+    model.opt.impratio = impratio
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return replace(robot, models=(model,))
+
+
+def write_recording(
+    factory: CaseFactory, recording: Recording, folder: Path, rng: np.random.Generator
+) -> None:
+    """Write a case's data set: the camera has noise, a frame rate, and a start that may be unknown.
+
+    Args:
+        factory: what all cases share.
+        recording: what the robot did.
+        folder: the data set's folder.
+        rng: where starts, origins and noise come from.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    camera = recording.camera
+    entries = []
+    for name in recording.paths:
+        period = factory.gaits[name].period_s
+        begin = float(rng.uniform(0.0, 0.3) if camera.known else rng.uniform(-0.9, 0.9) * period)
+        columns = _columns(factory, recording, name, begin, rng)
+        write_text(folder / f"{name}.csv", csv_text(columns))
+        start = {"starts_at_gait_time_s": begin} if camera.known else {}
+        signals = dict(zip(factory.signals, list(columns)[1:], strict=True))
+        entries.append(
+            {"name": name, "gait": name, "file": f"{name}.csv", "fps": camera.fps, "signals": signals} | start
+        )
+    write_text(folder / "dataset.toml", tomli_w.dumps({"trial": entries}))
+
+
+def _columns(
+    factory: CaseFactory, recording: Recording, name: str, begin: float, rng: np.random.Generator
+) -> dict[str, NDArray[np.float64]]:
+    """Return the columns of a trial that begins at gait time `begin`, s."""
+    path, camera = recording.paths[name], recording.camera
+    time = np.arange(0.0, factory.recorded_s(factory.gaits[name]), 1.0 / camera.fps)
+    origin = rng.uniform(-0.3, 0.3, len(factory.signals))
+    columns = {"t_s": time}
+    for index, signal in enumerate(factory.signals):
+        kind, _, part = signal.partition(".")
+        series = np.interp(time + begin, path.time, path[signal])
+        noise = rng.standard_normal(len(time))
+        if kind == "marker":
+            columns[f"{part}_m"] = series + origin[index] + camera.noise_m * noise
+        else:
+            columns[f"{part}_rad"] = series + factory.settings.angle_noise_rad * noise
+    return columns

@@ -1,0 +1,68 @@
+"""The truth of a case, and the folder in which it is sealed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from gaitopt.core.files import read_json, validated, write_text
+
+SEALED_FOLDER = "sealed"
+"""Where a folder of cases keeps their truth; nothing but `gaitopt blind score` reads it."""
+
+
+class PlantedEffect(BaseModel):
+    """One effect or disturbance that was planted.
+
+    Attributes:
+        name: its name.
+        target: ``all`` or one actuator.
+        parameters: its figures by name.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    target: str
+    parameters: dict[str, float]
+
+
+class Truth(BaseModel):
+    """What was done to the robot of a case.
+
+    Attributes:
+        kind: one of `settings.KINDS`.
+        effects: what was planted.
+        gap_over_floor: what that alone changed, the largest of all trials, in floors.
+        figures: what else was drawn.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    kind: str
+    effects: tuple[PlantedEffect, ...]
+    gap_over_floor: float
+    figures: dict[str, float] = {}
+
+
+def truth_path(cases: Path, name: str) -> Path:
+    """Return where the truth of a case is sealed."""
+    return cases / SEALED_FOLDER / f"{name}.json"
+
+
+def seal(cases: Path, name: str, truth: Truth) -> None:
+    """Write the truth of a case."""
+    path = truth_path(cases, name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, json.dumps(truth.model_dump(), indent=1) + "\n")
+
+
+def read_truth(path: Path) -> Truth:
+    """Return the truth in a sealed file.
+
+    Raises:
+        GaitoptError: it cannot be read, or does not hold a truth.
+    """
+    return validated(Truth, read_json(path), path)
