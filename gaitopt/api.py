@@ -32,7 +32,6 @@ from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.runs.run_folder import RunFolder
-from gaitopt.runs.summary import Summary
 from gaitopt.simulation.check import Finding, check
 from gaitopt.simulation.metrics import Metrics, measure
 from gaitopt.simulation.objective import check_objective
@@ -120,7 +119,7 @@ def compare(
     with open_executor("threads", workers) as executor:
         rows = _compare(problem, found, seed, executor)
     if folder is not None:
-        from gaitopt.report.report import write_comparison
+        from gaitopt.report.comparison import write_comparison
 
         write_comparison(folder, problem, found, rows, seed)
     return rows
@@ -138,9 +137,9 @@ def audit(problem: Problem, workers: int | None = None, out: Path | str | None =
     with open_executor("threads", workers) as executor:
         findings = check(problem, executor)
     if folder is not None:
-        from gaitopt.report.report import write_audit
+        from gaitopt.report.audit import write_audit
 
-        write_audit(folder, problem, [finding.to_dict() for finding in findings])
+        write_audit(folder, problem, findings)
     return findings
 
 
@@ -172,11 +171,11 @@ def optimise(
             with TemporaryDirectory() as folder:
                 journal = Journal(Path(folder) / "evaluations.csv", problem)
                 return _optimise(problem, request, journal, executor, on_progress)
-        from gaitopt.report.report import write_report
+        from gaitopt.report.search import write_report
 
         with RunFolder.create(Path(out), problem, request) as run:
             optimised = _optimise(problem, request, Journal(run.journal, problem), executor, on_progress)
-            write_report(run, problem, optimised, Summary.of(problem, optimised))
+            write_report(run, problem, optimised)
             run.write_results(problem, optimised)
             return optimised
 

@@ -439,7 +439,7 @@ def _demo(options: argparse.Namespace) -> None:
 
 def _run_search(folder: Any, problem: Problem, request: Any, options: argparse.Namespace) -> None:
     from gaitopt.core.json import to_json
-    from gaitopt.report.report import answer_of
+    from gaitopt.report.words import answer_of
 
     with folder, _saying_how_to_resume(folder, problem):
         summary = folder.summary or _searched(folder, problem, request, options)
@@ -459,8 +459,7 @@ def _searched(folder: Any, problem: Problem, request: Any, options: argparse.Nam
     from gaitopt.optimise.run import optimise
     from gaitopt.optimise.sensitivity import sensitivities
     from gaitopt.problem.model import carrying
-    from gaitopt.report.report import write_report
-    from gaitopt.runs.summary import Summary
+    from gaitopt.report.search import write_report
 
     with (
         working(open_executor(options.executor, options.workers)) as executor,
@@ -470,7 +469,7 @@ def _searched(folder: Any, problem: Problem, request: Any, options: argparse.Nam
         optimised = optimise(problem, request, Journal(folder.journal, problem), executor, display)
         asked = options.full and options.sensitivities
         sensitive = sensitivities(problem, optimised.best.gait, request.seed, executor) if asked else []
-    write_report(folder, problem, optimised, Summary.of(problem, optimised), options.full, sensitive)
+    write_report(folder, problem, optimised, options.full, sensitive)
     summary: Summary = folder.write_results(problem, optimised)  # last: it says that the run is done
     return summary
 
@@ -633,7 +632,7 @@ def _sweep(options: argparse.Namespace) -> None:
     from gaitopt.core.json import to_json
     from gaitopt.optimise.executors import open_executor
     from gaitopt.optimise.sweep import Sweep, sweep
-    from gaitopt.report.report import write_sweep
+    from gaitopt.report.sweep import write_sweep
 
     problem = _load(options)
     gait = _first_gait(problem, options.gait)
@@ -661,7 +660,8 @@ def _compare(options: argparse.Namespace) -> None:
     from gaitopt.core.json import to_json
     from gaitopt.optimise.compare import compare
     from gaitopt.optimise.executors import open_executor
-    from gaitopt.report.report import verdicts, write_comparison
+    from gaitopt.report.comparison import write_comparison
+    from gaitopt.report.words import verdicts
     from gaitopt.simulation.objective import check_objective
 
     check_new_or_empty(options.out)
@@ -694,9 +694,9 @@ def _check(options: argparse.Namespace) -> None:
         findings = check(problem, executor, (lambda _: None) if options.json else note)
     rows = [finding.to_dict() for finding in findings]
     if options.out is not None:
-        from gaitopt.report.report import write_audit
+        from gaitopt.report.audit import write_audit
 
-        write_audit(options.out, problem, rows)
+        write_audit(options.out, problem, findings)
     if options.json:
         print(to_json({"findings": rows}), end="")
         return

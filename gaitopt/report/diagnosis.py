@@ -19,9 +19,9 @@ from gaitopt.diagnose.gap.where import COMPONENTS
 from gaitopt.diagnose.words import answer, explanation, what_it_tells
 from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import diagnosis as diagnosis_plots
-from gaitopt.report.figures import plots as gait_plots
+from gaitopt.report.figures import gait as gait_plots
 from gaitopt.report.page import Page, Picture, Section, Table, folded, image_section, save_figures
-from gaitopt.report.report import gait_table
+from gaitopt.report.tables import gait_table
 from gaitopt.robot.signals import is_marker
 from gaitopt.runs.folder import write_into
 from gaitopt.simulation.rollout import Simulator

@@ -21,7 +21,7 @@ from gaitopt.optimise.run import Request
 from gaitopt.optimise.study import Study
 from gaitopt.problem.model import build_model, nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.report import report
+from gaitopt.report import search as search_page
 from gaitopt.runs.run_folder import RunFolder
 
 Run = Callable[..., tuple[int, str, str]]
@@ -214,7 +214,7 @@ def test_a_run_stopped_while_it_wrote_its_report_is_not_finished(
 
     folder = tmp_path / "run"
     with monkeypatch.context() as patch:
-        patch.setattr(report, "write_report", interrupted)
+        patch.setattr(search_page, "write_report", interrupted)
         assert gaitopt("optimise", STRIDER, "--budget", 12, "--seed", 5, "--out", folder, "--quiet")[0] == 130
     assert gaitopt("optimise", STRIDER, "--resume", folder, "--quiet")[0] == 0
     assert {path.name for path in folder.iterdir()} == RUN_FILES

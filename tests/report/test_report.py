@@ -21,7 +21,9 @@ from gaitopt.optimise.sensitivity import Sensitivity
 from gaitopt.optimise.study import Progress
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
-from gaitopt.report.figures import plots
+from gaitopt.report.figures import comparison as comparison_figures
+from gaitopt.report.figures import gait as gait_figures
+from gaitopt.report.figures import search as search_figures
 from gaitopt.report.page import typeset
 from gaitopt.simulation.rollout import Simulator
 
@@ -112,8 +114,8 @@ def test_a_page_keeps_figures_and_units_together() -> None:
 def test_forward_is_the_problems_own(strider: Problem) -> None:
     trajectory = Simulator.build(strider).run(strider.baselines["stride"])
     moved = trajectory["marker.y"] - trajectory["marker.y"][0]
-    np.testing.assert_allclose(plots.along(trajectory, strider.roles, 0), moved, atol=1e-12)
-    line = plots.overlay({"stride": trajectory}, strider.roles).axes[0].lines[0]
+    np.testing.assert_allclose(gait_figures.along(trajectory, strider.roles, 0), moved, atol=1e-12)
+    line = gait_figures.overlay({"stride": trajectory}, strider.roles).axes[0].lines[0]
     assert np.max(np.abs(line.get_ydata())) == pytest.approx(1e3 * np.abs(moved).max(), rel=1e-3)
 
 
@@ -127,14 +129,16 @@ def test_every_axis_has_a_unit(strider: Problem) -> None:
         metrics={"speed_m_s": 0.01},
     )  # fmt: skip
     figures = [
-        plots.overlay({"a": trajectory}, strider.roles),
-        plots.panels({"a": trajectory, "b": trajectory}, strider.roles),
-        plots.gait_diagram(strider, gait, trajectory, robot),
-        plots.angles(strider, gait, trajectory, robot),
-        plots.speeds([row]),
-        plots.differences([row, row]),
-        plots.commanded(gait),
-        plots.sensitivity([Sensitivity("x", "gait", 0.001, -0.002, -0.0015, 0.001)], "5 % of its range"),
+        gait_figures.overlay({"a": trajectory}, strider.roles),
+        gait_figures.panels({"a": trajectory, "b": trajectory}, strider.roles),
+        gait_figures.gait_diagram(strider, gait, trajectory, robot),
+        gait_figures.angles(strider, gait, trajectory, robot),
+        comparison_figures.speeds([row]),
+        comparison_figures.differences([row, row]),
+        gait_figures.commanded(gait),
+        search_figures.sensitivity(
+            [Sensitivity("x", "gait", 0.001, -0.002, -0.0015, 0.001)], "5 % of its range"
+        ),
     ]
     for drawn in figures:
         labels = [axes.get_xlabel() for axes in drawn.axes] + [axes.get_ylabel() for axes in drawn.axes]
@@ -148,7 +152,7 @@ def test_a_pad_holds_slides_or_slips(strider: Problem) -> None:
     simulator, gait = Simulator.build(strider), strider.baselines["stride"]
     robot, trajectory = Robot.of(simulator.models[0]), simulator.run(gait)
     for pad in strider.roles.pads:
-        states = plots.pad_states(strider, trajectory, pad, robot)
+        states = gait_figures.pad_states(strider, trajectory, pad, robot)
         assert states.sum(axis=0).max() == 1
         assert states.any()
 

@@ -34,7 +34,7 @@ from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.records import Fidelity, Horizon, Parameter
 from gaitopt.problem.robot import Robot
-from gaitopt.report.figures.plots import COLOURS, STYLES
+from gaitopt.report.figures.style import COLOURS, STYLES
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Scenario, Simulator

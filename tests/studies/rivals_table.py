@@ -24,7 +24,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from rivals import CASES, METHODS
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.report.figures.plots import COLOURS
+from gaitopt.report.figures.style import COLOURS
 
 TARGETS = (0.9, 0.95, 0.99)
 

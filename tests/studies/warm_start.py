@@ -25,7 +25,7 @@ from searches import judged, planned, search
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import open_executor
 from gaitopt.problem.problem import load_problem
-from gaitopt.report.figures.plots import COLOURS
+from gaitopt.report.figures.style import COLOURS
 from gaitopt.simulation.rollout import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 

@@ -16,7 +16,7 @@ from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.where import COMPONENTS
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.precision import intervals
-from gaitopt.report.figures.plots import BEST_COLOUR, COLOURS, finish, legend_below, plain_ticks
+from gaitopt.report.figures.style import BEST_COLOUR, COLOURS, finish, legend_below, plain_ticks
 from gaitopt.robot.signals import is_marker
 
 _WIDTH = 6.0

@@ -1,0 +1,119 @@
+"""The report of a comparison: gaits side by side over the same scenarios."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from gaitopt.core.files import write_text
+from gaitopt.core.json import to_json
+from gaitopt.core.quantities import figure
+from gaitopt.gait.gait import Gait
+from gaitopt.optimise.compare import ComparedGait
+from gaitopt.problem.problem import Problem
+from gaitopt.report.figures import comparison as comparison_figures
+from gaitopt.report.figures import gait as gait_figures
+from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
+from gaitopt.report.rollouts import rollouts
+from gaitopt.report.tables import metric_table
+from gaitopt.report.words import constraints_text, interval_text, scenario_rule, verdicts
+from gaitopt.runs.folder import new_folder, write_into
+from gaitopt.simulation.rollout import Simulator
+
+
+def write_comparison(
+    path: Path, problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait], seed: int
+) -> Path:
+    """Write the page, the figures and the rows of a comparison, and return their folder.
+
+    Args:
+        path: a new or empty folder.
+        problem: the robot.
+        gaits: the gaits, in the order of the rows.
+        rows: what the comparison found.
+        seed: seed of the scenarios.
+    """
+    folder = new_folder(path, f"{problem.name}-compare")
+    names, working = [row.name for row in rows], problem.simulation.working
+    page = Page(
+        title=f"{problem.name}: gaits compared",
+        answer=" ".join(verdicts(rows)) or f"{names[0]} alone: nothing to compare with.",
+        asked={
+            "Gaits": ", ".join(names),
+            "Scenarios": f"{problem.file.scenarios.verification} of {problem.name}, seed {seed}, the same "
+            f"for each gait{scenario_rule(problem.objective)}",
+            "Simulated": f"at {figure(working.timestep_s)} s, {working.integrator}",
+        },
+        sections=[
+            Section("Over the same scenarios", table=_speed_table(rows)),
+            *([Section(f"Against {names[0]}", table=_paired_table(rows))] if len(rows) > 1 else []),
+            *save_figures(folder, _pictures(problem, gaits, rows)),
+            folded(Section("All metrics", table=metric_table(rows))),
+        ],
+    )
+    content = to_json({"rows": [row.to_dict() for row in rows]})
+    write_into(folder, "report.html", lambda file: write_text(file, page.html()))
+    write_into(folder, "compare.json", lambda file: write_text(file, content))
+    return folder
+
+
+def _pictures(problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait]) -> dict[str, Picture]:
+    names = [row.name for row in rows]
+    trajectories = rollouts(Simulator.build(problem), dict(zip(names, gaits, strict=True)))
+    pictures = {
+        "speeds": Picture(
+            "Speed",
+            comparison_figures.speeds(rows),
+            "Mean forward speed of each gait over the same scenarios. As the scenarios are the same, the "
+            "paired differences are more precise than these intervals.",
+        )
+    }
+    if len(rows) > 1:
+        pictures["differences"] = Picture(
+            "Paired differences",
+            comparison_figures.differences(rows),
+            f"How much faster each gait is than {names[0]}: in each scenario (dots), and the mean with its "
+            "90 % interval (black). If the interval crosses 0, the difference is no more than noise.",
+        )
+    pictures["position"] = Picture(
+        "Position over time",
+        gait_figures.overlay(trajectories, problem.roles),
+        "Forward position of the marker on the nominal robot: the steeper the line, the faster the gait.",
+    )
+    return pictures
+
+
+def _speed_table(rows: Sequence[ComparedGait]) -> Table:
+    return Table(
+        head=["gait", "period [s]", "speed [mm/s]", "90 % interval", "worst scenario", "constraints"],
+        rows=[
+            [
+                row.name,
+                figure(row.period_s),
+                f"{1e3 * row.speed_m_s:.2f}",
+                interval_text(row.speed_ci90_m_s, ".2f"),
+                f"{1e3 * row.speed_worst_m_s:.2f}",
+                constraints_text(row),
+            ]
+            for row in rows
+        ],
+        words=(5,),
+    )
+
+
+def _paired_table(rows: Sequence[ComparedGait]) -> Table:
+    return Table(
+        head=["gait", "difference [mm/s]", "90 % interval", "ratio", "90 % interval", "more than noise"],
+        rows=[
+            [
+                row.name,
+                f"{1e3 * row.difference_m_s:+.2f}",
+                interval_text(row.difference_ci90_m_s, "+.2f"),
+                "–" if row.ratio is None else f"{row.ratio:.2f}",
+                "–" if row.ratio_ci90 is None else interval_text(row.ratio_ci90, ".2f", 1.0),
+                "yes" if row.more_than_noise else "no",
+            ]
+            for row in rows[1:]
+        ],
+        note=f"To {rows[0].name}, in the same scenarios: what a scenario does to both gaits cancels.",
+    )

@@ -1,0 +1,80 @@
+"""The look of all figures: size, colours, line styles, grids, legends and ticks."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
+from numpy.typing import NDArray
+
+COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#000000")
+"""Okabe and Ito's palette, which colour-blind readers can tell apart; styles differ too, for print."""
+
+STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), "-")
+MARKS = ("o", "^", "s", "D", "v")
+
+BEST_COLOUR = "#d55e00"
+"""Of the optimised gait, the corrected robot and what slips back."""
+
+WIDTH = 6.0
+"""Inches: the column of a printed page; on a phone, a page across, ten-point type is still legible."""
+
+_MOST_POINTS = 2500
+"""Points of a line, about; a printer can show no more."""
+
+
+def stacked_panels(rows: int, height: float) -> tuple[Figure, list[Axes]]:
+    """Return a figure of a height in inches, and its panels from top to bottom with one x axis."""
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    return figure, list(figure.subplots(rows, 1, squeeze=False, sharex=True)[:, 0])
+
+
+def single_panel(height: float) -> tuple[Figure, Axes]:
+    """Return a figure of a height in inches, and its one panel."""
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    return figure, figure.subplots()
+
+
+def finish(axes: Axes, x: str, y: str, legend: bool = True) -> None:
+    """Label the axes and give a panel the look of all figures."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.grid(color="0.85", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    if legend:
+        axes.legend(fontsize=8.5, framealpha=0.9, loc="best")
+
+
+def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
+    """Put the legend under a figure, where it hides nothing."""
+    figure.legend(
+        *axes.get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=columns,
+        fontsize=8.5,
+        frameon=False,
+    )
+
+
+def plain_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis with plain numbers, the small ticks too where it spans few decades."""
+    axis.set_major_formatter(_PlainLog())
+    axis.set_minor_formatter(_PlainLog(minor_thresholds=(2, 0.5)))
+
+
+class _PlainLog(LogFormatter):
+    """Labels where Matplotlib's own formatter has some, without powers."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return f"{x:g}" if super().__call__(x, pos) else ""
+
+
+def thinned(
+    x: NDArray[np.float64], y: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a line with no more points than a printer can show."""
+    every = max(1, len(x) // _MOST_POINTS)
+    return x[::every], y[::every]

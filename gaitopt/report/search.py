@@ -1,0 +1,271 @@
+"""The report of a search: the winner beside the hand-tuned gaits, and how it was found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.files import write_text
+from gaitopt.core.json import to_json
+from gaitopt.core.quantities import figure, title_of
+from gaitopt.optimise.ladder import TRUSTED, Rung
+from gaitopt.optimise.run import Optimised
+from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, Sensitivity
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.robot import Robot
+from gaitopt.report import settings as defaults
+from gaitopt.report.figures import comparison as comparison_figures
+from gaitopt.report.figures import gait as gait_figures
+from gaitopt.report.figures import search as search_figures
+from gaitopt.report.page import Page, Picture, Section, Table, folded, image_section, save_figures
+from gaitopt.report.rollouts import rollouts
+from gaitopt.report.tables import gait_table, metric_table
+from gaitopt.report.words import answer_of, constraints_text, interval_text, names_of, scenario_rule
+from gaitopt.robot.trajectory import Trajectory
+from gaitopt.runs.folder import write_into
+from gaitopt.runs.run_folder import RunFolder
+from gaitopt.runs.summary import Summary
+from gaitopt.simulation.rollout import Simulator
+
+_BEST = "best"
+"""Name of the winner."""
+
+
+def write_report(
+    folder: RunFolder,
+    problem: Problem,
+    optimised: Optimised,
+    full: bool = False,
+    sensitive: Sequence[Sensitivity] = (),
+) -> None:
+    """Write ``report.html`` and ``figures/`` of a run of `optimise`.
+
+    Args:
+        folder: the run.
+        problem: its problem.
+        optimised: what was found.
+        full: add what takes longer: a film of the winner.
+        sensitive: the sensitivities of its speed, where they were asked for.
+    """
+    simulator, summary = Simulator.build(problem), Summary.of(problem, optimised)
+    films, notes = _film(folder.path, simulator, optimised, summary) if full else ([], [])
+    pictures = _pictures(simulator, optimised, summary) | _sensitivity_pictures(sensitive)
+    if sensitive:
+        rows = [asdict(one) for one in sensitive]
+        folder.file("sensitivity.json", lambda path: write_text(path, to_json({"rows": rows})))
+    page = Page(
+        title=f"{problem.name}: optimised gait against hand-tuned gaits",
+        answer=answer_of(summary),
+        asked=_asked(problem, summary),
+        tiles=_tiles(summary),
+        notes=[*summary.notes, *notes],
+        sections=[
+            *films,
+            Section("Optimised against hand-tuned", table=_speed_table(summary)),
+            *save_figures(folder.path, pictures),
+            Section("The optimised gait", table=gait_table(optimised.best.gait, "best.toml")),
+            folded(Section("All metrics", table=metric_table([summary.best, *summary.baselines]))),
+            Section("What next", commands=_next_commands(folder.path)),
+        ],
+    )
+    folder.file("report.html", lambda path: write_text(path, page.html()))
+
+
+# --- figures ------------------------------------------------------------------------------------
+
+
+def _pictures(simulator: Simulator, optimised: Optimised, summary: Summary) -> dict[str, Picture]:
+    """Return the figures that every report has, and the front where it was asked for."""
+    problem, best = simulator.problem, optimised.best.gait
+    trajectories = rollouts(simulator, {_BEST: best, **problem.baselines})
+    pictures = {
+        "speeds": Picture(
+            "Speed",
+            comparison_figures.speeds([summary.best, *summary.baselines], best=_BEST),
+            "Forward speed of the optimised gait (orange) and of each hand-tuned gait, in scenarios that "
+            "the search did not use. If two intervals do not overlap, the speeds differ by more than noise.",
+        ),
+        "position": Picture(
+            "Position over time",
+            gait_figures.overlay(trajectories, problem.roles, best=_BEST),
+            "Forward position of the marker for each gait, on the nominal robot. The steeper the line, the "
+            "faster the gait. Where a line goes back, a pad slips or the body folds.",
+        ),
+        "periods": Picture(
+            "Each gait by itself",
+            gait_figures.panels(trajectories, problem.roles, best=_BEST),
+            "The same with a panel for each gait, each with its own scale. A rise is a stride; a fall is "
+            "slip, or the body folds. Equal steps mean that the gait repeats itself.",
+        ),
+    }
+    if trajectories[_BEST].status == "ok":
+        pictures |= _servo_pictures(simulator, optimised, trajectories[_BEST])
+    pictures["convergence"] = Picture(
+        "Convergence of the search",
+        search_figures.convergence(optimised.entries, optimised.baselines),
+        "Speed of every gait that was evaluated, by method. Stars are planned gaits, where the search "
+        "started from some. Crosses and hollow stars violate a constraint. The best so far counts violations "
+        "too, so it may change to a slower gait that has none. Horizontal lines are the hand-tuned gaits.",
+    )
+    if optimised.request.pareto:
+        pictures["pareto"] = Picture(
+            "Speed against cost of transport",
+            search_figures.front(optimised.entries, optimised.front, optimised.baselines),
+            "Speed against cost of transport (energy per weight and distance). No other gait beats a gait on "
+            "the front in both. pareto.csv has the numbers, and pareto/ has a gait file for each.",
+        )
+    return pictures
+
+
+def _servo_pictures(simulator: Simulator, optimised: Optimised, trajectory: Trajectory) -> dict[str, Picture]:
+    """Return the figures of what the winner's servos and pads do."""
+    problem, gait, robot = simulator.problem, optimised.best.gait, Robot.of(simulator.models[0])
+    return {
+        "gait": Picture(
+            "Gait diagram",
+            gait_figures.gait_diagram(problem, gait, trajectory, robot),
+            "One cycle of the optimised gait. Grey: a pad holds. Orange: a loaded pad slips back, which "
+            "costs travel. The bars at the bottom show which pad it is.",
+        ),
+        "angles": Picture(
+            "Commanded and reached angles",
+            gait_figures.angles(problem, gait, trajectory, robot),
+            "Commanded and reached angles of each servo, with its range. Shaded: its torque is at the limit. "
+            "Where the reached angle falls behind there, the servo is too weak for the gait, or the gait is "
+            "too fast for the servo.",
+        ),
+    }
+
+
+def _sensitivity_pictures(sensitive: Sequence[Sensitivity]) -> dict[str, Picture]:
+    gait = [one for one in sensitive if one.kind == "gait"]
+    model = [one for one in sensitive if one.kind == "model"]
+    pictures = {}
+    if gait:
+        pictures["sensitivity"] = Picture(
+            "Sensitivity to the gait",
+            search_figures.sensitivity(gait, step := f"{100 * GAIT_STEP:.0f} % of its range"),
+            _sensitivity_caption("its numbers", step, "what to set with care on the robot"),
+        )
+    if model:
+        pictures["sensitivity-model"] = Picture(
+            "Sensitivity to the model",
+            search_figures.sensitivity(model, step := f"{100 * MODEL_STEP:.0f} % of its value"),
+            _sensitivity_caption("the model's parameters", step, "what is worth measuring well"),
+        )
+    return pictures
+
+
+def _sensitivity_caption(numbers: str, step: str, lesson: str) -> str:
+    return (
+        f"How the speed of the optimised gait changes when one of {numbers} changes by {step}. Each bar is "
+        f"the mean over the same scenarios. Long bars are {lesson}. The black mark is half the difference "
+        "between up and down. If its interval crosses 0, they differ by no more than noise."
+    )
+
+
+def _film(
+    folder: Path, simulator: Simulator, optimised: Optimised, summary: Summary
+) -> tuple[list[Section], list[str]]:
+    """Film the winner beside the fastest baseline; where there can be no film, say why."""
+    from gaitopt.report.film.film import write_film
+    from gaitopt.report.film.take import take
+
+    gaits = [optimised.best.gait]
+    fastest = summary.fastest_baseline
+    if fastest is not None:
+        gaits.append(simulator.problem.baselines[fastest.name])
+    period = max(gait.period_s for gait in gaits)
+    begin = simulator.problem.simulation.horizon.transient_s
+    end = begin + period * max(1, round(defaults.DEFAULT.film_s / period))
+    try:
+        takes = [take(simulator, gait, end) for gait in gaits]
+        path = write_into(folder, "figures/walk.webp", lambda file: write_film(file, takes, begin, end))
+    except GaitoptError as error:
+        return [], [f"No film: {error}"]
+    beside = " beside the fastest hand-tuned gait" if fastest is not None else ""
+    caption = (
+        f"The optimised gait{beside}, on the nominal robot, after the transient. The speed is that of this "
+        "rollout alone. The camera follows the robot; the stripes on the ground stand still."
+    )
+    return [image_section("Film of the gait", path.read_bytes(), "webp", caption)], []
+
+
+# --- what is asked and answered -----------------------------------------------------------------
+
+
+def _asked(problem: Problem, summary: Summary) -> dict[str, str]:
+    objective, verified = problem.objective, summary.verified
+    terms = (f"{'more' if w < 0.0 else 'less'} {title_of(name)}" for name, w in objective.terms.items())
+    started = "from planned gaits" if summary.warm_start else "without planned gaits"
+    return {
+        "Robot": f"{problem.name}{': ' * bool(problem.file.description)}{problem.file.description}",
+        "Objective": f"{', '.join(terms)}{scenario_rule(objective)}",
+        "Limits on": names_of(objective.constraints) or "nothing",
+        "Search": f"{summary.evaluations} gaits, method {summary.method}, started {started}, seed "
+        f"{summary.seed}; {summary.simulated_s:.0f} s simulated in {summary.wall_s:.0f} s",
+        "Fidelity ladder": _ladder_text(summary.fidelity_ladder),
+        "Verified": f"over {verified.scenarios} scenarios that the search did not use, at "
+        f"{figure(verified.timestep_s)} s, {verified.integrator}",
+    }
+
+
+def _ladder_text(rungs: Sequence[Rung]) -> str:
+    """Return which cheaper rungs were measured, how well they rank and whether they were used."""
+    texts = []
+    for rung in rungs:
+        ranks = f"rank correlation {rung.rank_correlation:.3f}"
+        lower = f"{figure(rung.timestep_s)} s steps, {figure(rung.measured_s)} s measured"
+        fate = "used" if rung.used else f"refused: below {TRUSTED}"
+        texts.append(f"{rung.name} ({lower}): {ranks}, {fate}")
+    return "; ".join(texts) or "none measured; every gait was simulated at the working fidelity"
+
+
+def _tiles(summary: Summary) -> list[tuple[str, str]]:
+    best = summary.best
+    interval = interval_text(best.speed_ci90_m_s, ".1f")
+    tiles = [(f"{1e3 * best.speed_m_s:.1f} mm/s", f"forward speed, 90 % interval {interval}")]
+    ratio, fastest = summary.ratio_to_best_baseline, summary.fastest_baseline
+    if ratio is not None and fastest is not None:
+        tiles.append((f"{ratio:.2f} times", f"the speed of {fastest.name}"))
+    tiles.append((f"{figure(best.period_s)} s", f"period; stride {1e3 * best.stride_m:.1f} mm"))
+    if best.constraints_met:
+        tiles.append(("met", "constraints, in the mean"))
+    else:
+        tiles.append(("violated", names_of(best.violations)))
+    return tiles
+
+
+def _next_commands(folder: Path) -> list[str]:
+    return [
+        f"gaitopt simulate {folder} {folder} --video walk.mp4",
+        f"gaitopt export {folder} {folder} --format micropython --out player",
+        f"gaitopt diagnose {folder} trials",
+    ]
+
+
+def _speed_table(summary: Summary) -> Table:
+    return Table(
+        head=[
+            *("gait", "period [s]", "speed [mm/s]", "90 % interval", "worst scenario"),
+            *("stride [mm]", "cost of transport", "constraints"),
+        ],
+        rows=[
+            [
+                row.name,
+                figure(row.period_s),
+                f"{1e3 * row.speed_m_s:.1f}",
+                interval_text(row.speed_ci90_m_s, ".1f"),
+                f"{1e3 * row.speed_worst_m_s:.1f}",
+                f"{1e3 * row.stride_m:.1f}",
+                f"{row.metrics['cost_of_transport']:.2f}",
+                constraints_text(row),
+            ]
+            for row in [summary.best, *summary.baselines]
+        ],
+        note=f"Mean over {summary.verified.scenarios} scenarios that the search did not use.",
+        mark_first=True,
+        words=(7,),
+    )

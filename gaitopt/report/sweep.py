@@ -1,0 +1,39 @@
+"""The plots of a sweep: one gait over a range of one parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from gaitopt.core.files import write_with
+from gaitopt.optimise.sweep import SweepPoint
+from gaitopt.problem.problem import Problem
+from gaitopt.report.figures import gait as gait_figures
+from gaitopt.report.page import png, writer
+from gaitopt.runs.folder import new_folder
+from gaitopt.simulation.rollout import Simulator
+
+
+def write_sweep(path: Path | None, problem: Problem, points: Sequence[SweepPoint]) -> Path:
+    """Write the overlaid and the separate plots of a sweep, and return their folder.
+
+    Args:
+        path: a new or empty folder; by default a new one.
+        problem: the robot.
+        points: the problem and the gait at each value, each under a name of its own.
+    """
+    folder = new_folder(path, f"{problem.name}-sweep")
+    simulators = [Simulator.build(point.problem) for point in points]
+    gaits = [point.gait for point in points]
+    duration = max(s.duration(gait) for s, gait in zip(simulators, gaits, strict=True))
+    trajectories = {
+        gait.name: simulator.run(gait, duration=duration)
+        for simulator, gait in zip(simulators, gaits, strict=True)
+    }
+    figures = {
+        "overlay": gait_figures.overlay(trajectories, problem.roles),
+        "panels": gait_figures.panels(trajectories, problem.roles),
+    }
+    for name, drawn in figures.items():
+        write_with(folder / f"{name}.png", writer(png(drawn)))
+    return folder

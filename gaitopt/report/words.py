@@ -1,0 +1,74 @@
+"""Results in sentences, for pages and for the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from gaitopt.core.quantities import title_of
+from gaitopt.optimise.compare import ComparedGait
+from gaitopt.problem.records import Objective
+from gaitopt.runs.summary import GaitRow, Summary
+
+
+def answer_of(summary: Summary) -> str:
+    """Return the result of a search in one sentence."""
+    best = summary.best
+    speed, (low, high) = best.speed_m_s, best.speed_ci90_m_s
+    if not math.isfinite(speed):
+        return f"The best gait of the search failed where it was verified: {best.status}."
+    text = (
+        f"The best gait crawls at {1e3 * speed:.1f} mm/s (90 % interval {1e3 * low:.1f} to {1e3 * high:.1f})"
+    )
+    ratio, fastest = summary.ratio_to_best_baseline, summary.fastest_baseline
+    if ratio is not None and fastest is not None:
+        text += f", {ratio:.2f} times the fastest hand-tuned gait, {fastest.name}"
+    met = "meets every constraint" if best.constraints_met else f"violates {names_of(best.violations)}"
+    return f"{text}, and {met}."
+
+
+def verdicts(rows: Sequence[ComparedGait]) -> list[str]:
+    """Return one sentence for each gait after the first: how it differs, and whether by more than noise."""
+    return [_verdict(row, rows[0].name) for row in rows[1:]]
+
+
+def _verdict(row: ComparedGait, first: str) -> str:
+    difference, ends = 1e3 * row.difference_m_s, [1e3 * end for end in row.difference_ci90_m_s]
+    if not all(map(math.isfinite, (difference, *ends))):
+        return f"{row.name} cannot be compared with {first}: a simulation failed."
+    times = ""
+    if row.ratio is not None and row.ratio_ci90 is not None:
+        times = f", {row.ratio:.2f} times its speed ({interval_text(row.ratio_ci90, '.2f', 1.0)})"
+    if not row.more_than_noise:
+        return (
+            f"{row.name} differs from {first} by no more than noise: {difference:+.2f} mm/s "
+            f"(90 % interval {ends[0]:+.2f} to {ends[1]:+.2f}){times}."
+        )
+    low, high = sorted(map(abs, ends))
+    return (
+        f"{row.name} is {'faster' if difference > 0.0 else 'slower'} than {first} by "
+        f"{abs(difference):.2f} mm/s (90 % interval {low:.2f} to {high:.2f}){times}: more than noise."
+    )
+
+
+def names_of(metrics: Iterable[str]) -> str:
+    """Return what some metrics are called."""
+    return ", ".join(map(title_of, metrics))
+
+
+def interval_text(ends: Sequence[float], form: str, scale: float = 1e3) -> str:
+    """Return an interval, each end times a scale and in a format; m/s are shown in mm/s by default."""
+    return " to ".join(format(scale * end, form) for end in ends)
+
+
+def constraints_text(row: GaitRow | ComparedGait) -> str:
+    """Return whether a gait meets every constraint, and which it violates."""
+    return "met" if row.constraints_met else f"violated: {names_of(row.violations) or row.status}"
+
+
+def scenario_rule(objective: Objective) -> str:
+    """Return how costs of several scenarios become one, where it is not their mean."""
+    share = objective.worse_share
+    if share is None:
+        return ""
+    return f", by its {100 * share:.0f} % quantile over scenarios" if share else ", by its worst scenario"
