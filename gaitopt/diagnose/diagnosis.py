@@ -17,7 +17,7 @@ from gaitopt.diagnose.gap.align import Aligned, align, pooled_marker_rms
 from gaitopt.diagnose.gap.floor import Floors, marker_floor, measure_floors
 from gaitopt.diagnose.gap.mismatches import mismatches
 from gaitopt.diagnose.gap.predict import predict
-from gaitopt.diagnose.gap.where import COMPONENTS, Split, split
+from gaitopt.diagnose.gap.where import COMPONENTS, GapShare, Split, gap_shares, split
 from gaitopt.diagnose.judge.causes import Causes, find_causes
 from gaitopt.diagnose.judge.evidence import Gap
 from gaitopt.diagnose.judge.experiment import Experiment, propose
@@ -26,7 +26,7 @@ from gaitopt.diagnose.record.cycles import steady_from
 from gaitopt.diagnose.record.dataset import DataSet
 from gaitopt.diagnose.record.defects import Defect
 from gaitopt.effects import EFFECTS
-from gaitopt.robot.signals import is_marker
+from gaitopt.robot.signals import is_marker, unit_of
 from gaitopt.simulation.rollout import Simulator
 
 SIGNIFICANT = 2.0
@@ -173,29 +173,9 @@ class Diagnosis:
         }
 
     @property
-    def where(self) -> list[dict[str, Any]]:
+    def where(self) -> list[GapShare]:
         """Components of the gap, the largest share first; of trials that can blame something."""
-        rows: list[dict[str, Any]] = []
-        for trial in self.trials:
-            for name, part in trial.splits.items() if trial.counts else ():
-                floor = trial.floors[name].total
-                for component in COMPONENTS:
-                    rms = math.sqrt(part.squares[component])
-                    rows.append(
-                        {
-                            "signal": name,
-                            "trial": trial.name,
-                            "component": component,
-                            "share": (rms / floor) ** 2 if floor > 0.0 else 0.0,
-                            "share_of_signal": part.squares[component] / (part.rms**2 or 1.0),
-                            "gap": rms,
-                            "unit": "m" if is_marker(name) else "rad",
-                            "floors": rms / floor if floor > 0.0 else None,
-                        }
-                    )
-        total = sum(row["share"] for row in rows) or 1.0
-        shared = [row | {"share": row["share"] / total} for row in rows]
-        return sorted((row for row in shared if row["gap"] > 0.0), key=lambda row: -row["share"])
+        return gap_shares((trial.name, trial.splits, trial.floors) for trial in self.trials if trial.counts)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``diagnosis.json``."""
@@ -211,7 +191,7 @@ class Diagnosis:
             "p_value": self.found.p_value if self.found else None,
             "unevenness": self.found.uneven if self.found else None,
             "effects": self.found.effects if self.found else [],
-            "where": self.where,
+            "where": [share.to_dict() for share in self.where],
             "gap": self.gap,
             "gap_by_trial": self.gap_by_trial,
             "next_experiment": self.experiment.to_dict() if self.experiment else None,
@@ -331,7 +311,7 @@ def _trial_row(trial: TrialGap) -> dict[str, Any]:
         "signals": [
             {
                 "signal": name,
-                "unit": "m" if is_marker(name) else "rad",
+                "unit": unit_of(name),
                 "gap": aligned.rms(name),
                 "floor": floor.total,
                 "floor_parts": asdict(floor),

@@ -38,8 +38,8 @@ def answer(diagnosis: Diagnosis) -> str:
         return f"{_VERDICTS[diagnosis.verdict].format(*_who(diagnosis))} The gap: {_before_after(gap)}."
     text = f"There is a gap: {figures}."
     for first in diagnosis.where[:1]:  # nothing where every part of the gap is within the floor
-        part = f"{first['component']} of {first['signal']} in trial {first['trial']}"
-        text += f" The largest part of it is {part} ({first['share']:.0%})."
+        part = f"{first.component} of {first.signal} in trial {first.trial}"
+        text += f" The largest part of it is {part} ({first.share:.0%})."
     return text
 
 

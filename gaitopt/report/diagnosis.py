@@ -22,7 +22,7 @@ from gaitopt.report.figures import diagnosis as diagnosis_plots
 from gaitopt.report.figures import gait as gait_plots
 from gaitopt.report.page import Page, Picture, Section, Table, folded, image_section, save_figures
 from gaitopt.report.tables import gait_table
-from gaitopt.robot.signals import is_marker
+from gaitopt.robot.signals import unit_of
 from gaitopt.runs.folder import write_into
 from gaitopt.simulation.rollout import Simulator
 
@@ -345,7 +345,9 @@ def _signal_table(diagnosis: Diagnosis) -> Table:
     rows = []
     for trial in diagnosis.trials:
         for name, part in trial.splits.items():
-            travels = [_amount(travel, _si(name)) for travel in part.travel] if part.travel else ["–", "–"]
+            travels = (
+                [_amount(travel, unit_of(name)) for travel in part.travel] if part.travel else ["–", "–"]
+            )
             shares = [f"{100 * part.squares[c] / (part.rms**2 or 1.0):.0f} %" for c in COMPONENTS]
             rows.append(
                 [
@@ -367,7 +369,7 @@ def _floor_table(diagnosis: Diagnosis) -> Table:
         for name, floor in trial.floors.items():
             parts = (floor.noise, floor.spread, floor.repeats, floor.start_pose, floor.numerics, floor.clock)
             amounts = (trial.aligned.rms(name), floor.total, *parts)
-            cells = ("–" if amount is None else _amount(amount, _si(name)) for amount in amounts)
+            cells = ("–" if amount is None else _amount(amount, unit_of(name)) for amount in amounts)
             rows.append([f"{trial.name}: {name}", *cells])
     return Table(
         head=["signal", "gap", "floor", "noise", "cycles", "repeats", "start pose", "timestep", "clock"],
@@ -375,10 +377,6 @@ def _floor_table(diagnosis: Diagnosis) -> Table:
         note="RMS. Noise, spread of the cycles and repeats from the data; start pose, timestep and what "
         "rounded time stamps leave open from the simulator at the fidelity used.",
     )
-
-
-def _si(signal: str) -> str:
-    return "m" if is_marker(signal) else "rad"
 
 
 def _amount(value: float, unit: str) -> str:

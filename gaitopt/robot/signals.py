@@ -29,6 +29,11 @@ def is_marker(signal: str) -> bool:
     return signal.startswith("marker.")
 
 
+def unit_of(signal: str) -> str:
+    """Return the unit of a measured signal: ``m`` of the marker, ``rad`` of a joint."""
+    return UNITS[signal.partition(".")[0]]
+
+
 def joint_signal(joint: str) -> str:
     """Return the signal of a joint's angle, in rad."""
     return f"joint.{joint}"

@@ -63,7 +63,7 @@ def heaviest(diagnosis):
     """The component with the largest share over all signals and trials."""
     shares = dict.fromkeys(COMPONENTS, 0.0)
     for row in diagnosis.where:
-        shares[row["component"]] += row["share"]
+        shares[row.component] += row.share
     return max(shares, key=shares.get)
 
 
@@ -96,15 +96,15 @@ def test_an_unknown_offset_is_fitted(diagnosed, begin):
 def test_a_gap_is_found_where_it_was_planted(diagnosed, effects, component):
     diagnosis = diagnosed(effects)
     assert diagnosis.verdict == "unexplained"
-    assert diagnosis.where[0]["component"] == component
+    assert diagnosis.where[0].component == component
     assert heaviest(diagnosis) == component
-    assert sum(row["share"] for row in diagnosis.where) == pytest.approx(1.0)
+    assert sum(row.share for row in diagnosis.where) == pytest.approx(1.0)
     assert any(component in sentence for sentence in explanation(diagnosis))
 
 
 def test_the_marker_alone_tells_a_travel_error(diagnosed):
     diagnosis = diagnosed({"servo_travel": {"gain": 0.88}}, signals=("marker.x",), sync=False)
-    assert diagnosis.where[0]["component"] == "stride"
+    assert diagnosis.where[0].component == "stride"
     for trial in diagnosis.trials:
         assert trial.splits["marker.x"].size == pytest.approx(0.81, abs=0.06)
 
@@ -127,7 +127,7 @@ def test_outliers_are_found_under_noise_and_explain_themselves(diagnosed):
 
     diagnosis = diagnosed(change=spoil)
     assert (diagnosis.verdict, diagnosis.causes) == ("explained", ["marker_outliers"])
-    assert diagnosis.where[0]["component"] == heaviest(diagnosis) == "noise"
+    assert diagnosis.where[0].component == heaviest(diagnosis) == "noise"
     assert diagnosis.gap["heldout_before_m"] > 3.0 * diagnosis.gap["heldout_after_m"]
 
 
@@ -169,7 +169,7 @@ def test_a_trial_below_its_floor_blames_nothing(diagnosed):
     diagnosis = diagnosed()
     quiet = [trial for trial in diagnosis.trials if not trial.counts]
     assert quiet
-    blamed = {row["trial"] for row in diagnosis.where}
+    blamed = {row.trial for row in diagnosis.where}
     for trial in quiet:
         assert trial.name not in blamed
         assert any(

@@ -13,15 +13,17 @@ an angle; what differs from cycle to cycle is noise; what differs before the ste
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.diagnose.gap.align import Aligned, without_line
+from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.record.cycles import PHASES, Cycles, cycle_means, shifted, steady
 from gaitopt.diagnose.record.defects import noise_of
+from gaitopt.robot.signals import unit_of
 
 Series = NDArray[np.float64]
 
@@ -61,6 +63,67 @@ class Split:
     def rms(self) -> float:
         """The gap, m or rad."""
         return math.sqrt(sum(self.squares.values()))
+
+
+@dataclass(frozen=True)
+class GapShare:
+    """One component of the gap of one signal of one trial.
+
+    Attributes:
+        signal: name of the signal.
+        trial: name of the trial.
+        component: one of `COMPONENTS`.
+        share: its share of the squared gaps of all trials that count, each in its floors.
+        share_of_signal: its share of the squared gap of this signal in this trial.
+        gap: RMS of the component, in `unit`.
+        unit: ``m`` or ``rad``.
+        floors: RMS of the component over the signal's floor; None where there is no floor.
+    """
+
+    signal: str
+    trial: str
+    component: str
+    share: float
+    share_of_signal: float
+    gap: float
+    unit: str
+    floors: float | None
+
+    def to_dict(self) -> dict[str, str | float | None]:
+        """Return the row for a JSON file."""
+        return asdict(self)
+
+
+def gap_shares(trials: Iterable[tuple[str, Mapping[str, Split], Floors]]) -> list[GapShare]:
+    """Return the components of the gaps of some trials, the largest share first; nothing of no gap.
+
+    Args:
+        trials: name, splits and floors of each trial that counts.
+    """
+    shares = [
+        _gap_share(name, splits[signal], component, floors[signal].total)
+        for name, splits, floors in trials
+        for signal in splits
+        for component in COMPONENTS
+    ]
+    total = sum(one.share for one in shares) or 1.0
+    present = [replace(one, share=one.share / total) for one in shares if one.gap > 0.0]
+    return sorted(present, key=lambda one: -one.share)
+
+
+def _gap_share(trial: str, part: Split, component: str, floor: float) -> GapShare:
+    """Return one component, its share not yet divided by the sum of all."""
+    rms = math.sqrt(part.squares[component])
+    return GapShare(
+        part.signal,
+        trial,
+        component,
+        (rms / floor) ** 2 if floor > 0.0 else 0.0,
+        part.squares[component] / (part.rms**2 or 1.0),
+        rms,
+        unit_of(part.signal),
+        rms / floor if floor > 0.0 else None,
+    )
 
 
 def split(aligned: Aligned, signal: str, transient: float, extra: Mapping[str, float]) -> Split:
