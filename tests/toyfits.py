@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from gaitopt.diagnose.fit.fitting import Comparison, Fit, TrialSet
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
-from gaitopt.effects.effect import ALL
+from gaitopt.effects.parts import ALL
 
 
 def toy_bench(

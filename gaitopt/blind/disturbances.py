@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gaitopt.effects.active import RobotEffects
 from gaitopt.effects.effect import LOOP_INTERVAL_S, Update
-from gaitopt.effects.library.contact import Friction
+from gaitopt.effects.library.friction import Friction
 from gaitopt.robot.signals import MARKER
 from gaitopt.simulation.rollout import Simulator
 

@@ -716,14 +716,14 @@ def _say_where(folder: Path | None) -> None:
 def _effects(options: argparse.Namespace) -> None:
     from gaitopt.cli.display import print_effects
     from gaitopt.core.json import to_json
-    from gaitopt.effects.active import table
+    from gaitopt.effects.rows import effect_rows
     from gaitopt.problem.model import nominal_parts
 
     if options.problem is None and options.parameters:
         raise GaitoptError("--set: found no PROBLEM to set a parameter of")
-    rows = table(None if options.problem is None else nominal_parts(_load(options)))
+    rows = effect_rows(None if options.problem is None else nominal_parts(_load(options)))
     if options.json:
-        print(to_json({"rows": rows}), end="")
+        print(to_json({"rows": [row.to_dict() for row in rows]}), end="")
     else:
         print_effects(rows)
 

@@ -16,6 +16,7 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from gaitopt.core.quantities import label_of, shown
+from gaitopt.effects.rows import EffectRow
 from gaitopt.optimise.compare import ComparedGait
 from gaitopt.optimise.study import Progress
 
@@ -168,20 +169,19 @@ def _plus_minus(value: float | None, ends: Sequence[float] | None, scale: float,
     return f"{value:{form}}\u00a0±\u00a0{0.5 * scale * (ends[1] - ends[0]):.2f}"
 
 
-def print_effects(rows: Sequence[Mapping[str, Any]]) -> None:
+def print_effects(rows: Sequence[EffectRow]) -> None:
     """Print the library of effects, one after another: their figures do not fit side by side."""
     for row in rows:
-        print(f"{row['name']}: {row['meaning']}")
+        print(f"{row.name}: {row.meaning}")
         print(f"    {_effect_figures(row)}")
 
 
-def _effect_figures(row: Mapping[str, Any]) -> str:
-    if not row.get("applies", True):
-        return f"does not apply: {row['why_not']}"
-    unit = f" ({row['unit']})" if row["unit"] else ""
-    low, high = row["bounds"]
-    times = f" times {row['bounds_times']}" if row["bounds_times"] else ""
-    target = f"; target: {row['target']}" if row["target"] else ""
-    neutral = row["neutral"]
-    neutral = f"{neutral:.4g}" if isinstance(neutral, float) else neutral
-    return f"{row['parameter']}{unit}: neutral {neutral}, plausible {low:.3g} to {high:.3g}{times}{target}"
+def _effect_figures(row: EffectRow) -> str:
+    if row.applies is False:
+        return f"does not apply: {row.why_not}"
+    unit = f" ({row.unit})" if row.unit else ""
+    low, high = row.bounds
+    times = f" times {row.bounds_times}" if row.bounds_times else ""
+    target = f"; target: {row.target}" if row.target else ""
+    neutral = f"{row.neutral:.4g}" if isinstance(row.neutral, float) else row.neutral
+    return f"{row.parameter}{unit}: neutral {neutral}, plausible {low:.3g} to {high:.3g}{times}{target}"

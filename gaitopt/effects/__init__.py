@@ -1,21 +1,38 @@
 """The library of unmodelled effects, by name, in the order in which they act."""
 
 from gaitopt.effects.effect import Effect
-from gaitopt.effects.library import body, camera, contact, hinge, servo
+from gaitopt.effects.library import (
+    body,
+    camera,
+    clock,
+    contact,
+    friction,
+    friction_direction,
+    friction_load,
+    hinge,
+    servo_command,
+    servo_deadband,
+    servo_motion,
+    servo_play,
+    servo_torque,
+    supply,
+    timing,
+    tracker,
+)
 
 _IN_ORDER = (
-    servo.SERVO_TORQUE_LIMIT,
-    servo.SERVO_TRAVEL,
-    servo.SERVO_TRIM,
-    servo.SERVO_SPEED_LIMIT,
-    servo.COMMAND_LATENCY,
-    servo.CHANNEL_TIMING,
-    servo.SERVO_GAIN,
-    servo.SERVO_DAMPING,
-    servo.SERVO_INERTIA,
-    servo.SERVO_BACKLASH,
-    servo.SERVO_SAG,
-    servo.SERVO_DEADBAND,
+    servo_torque.SERVO_TORQUE_LIMIT,
+    servo_command.SERVO_TRAVEL,
+    servo_command.SERVO_TRIM,
+    servo_command.SERVO_SPEED_LIMIT,
+    timing.COMMAND_LATENCY,
+    timing.CHANNEL_TIMING,
+    servo_motion.SERVO_GAIN,
+    servo_motion.SERVO_DAMPING,
+    servo_motion.SERVO_INERTIA,
+    servo_play.SERVO_BACKLASH,
+    supply.SERVO_SAG,
+    servo_deadband.SERVO_DEADBAND,
     hinge.HINGE_STIFFNESS,
     hinge.HINGE_NONLINEARITY,
     hinge.HINGE_DAMPING,
@@ -28,20 +45,23 @@ _IN_ORDER = (
     body.LINK_INERTIA,
     body.GEOMETRY_SCALE,
     body.TETHER_DRAG,
-    contact.PAD_FRICTION,
-    contact.BODY_FRICTION,
+    friction.PAD_FRICTION,
+    friction.BODY_FRICTION,
     contact.CONTACT_COMPLIANCE,
-    contact.FRICTION_ANISOTROPY,
-    contact.FRICTION_DIRECTION,
-    contact.FRICTION_LOAD,
+    friction_direction.FRICTION_ANISOTROPY,
+    friction_direction.FRICTION_DIRECTION,
+    friction_load.FRICTION_LOAD,
     camera.CAMERA_SCALE,
     camera.CAMERA_TILT,
-    camera.CLOCK_OFFSET,
-    camera.CLOCK_RATE,
-    camera.CLOCK_ROUNDING,
-    camera.MARKER_OUTLIERS,
+    clock.CLOCK_OFFSET,
+    clock.CLOCK_RATE,
+    clock.CLOCK_ROUNDING,
+    tracker.MARKER_OUTLIERS,
 )
-"""What is sent, then servos, hinges, bodies, contacts, then what is measured."""
+"""What is sent, then servos, hinges, bodies, contacts, then what is measured.
+
+To add an effect, write its record in a file of `library` and add it here.
+"""
 
 EFFECTS: dict[str, Effect] = {effect.name: effect for effect in _IN_ORDER}
 """Every effect by name."""

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.effects import EFFECTS, Effect
-from gaitopt.effects.effect import ALL, Parts, Update, is_added, owner_of
+from gaitopt.effects.effect import Update
+from gaitopt.effects.parts import ALL, Parts
 from gaitopt.gait.drive import Commands
 from gaitopt.robot.roles import Roles
 from gaitopt.robot.trajectory import Trajectory
@@ -165,77 +164,3 @@ class RobotEffects:
                 parts = self._parts(active, model)
                 trajectory = active.effect.observe(trajectory, active.value, parts, rng)
         return trajectory
-
-
-def control_columns(model: mujoco.MjModel, channels: Sequence[str]) -> list[int]:
-    """Return the channel whose command each actuator gets: its own, or that of the one it belongs to."""
-    names = [model.actuator(i).name for i in range(model.nu)]
-    return [channels.index(owner_of(name) if is_added(name) else name) for name in names]
-
-
-def transferred(
-    qpos: NDArray[np.float64], nominal: mujoco.MjModel, model: mujoco.MjModel
-) -> NDArray[np.float64]:
-    """Return a nominal robot's pose for a model with the same joints in the same order and added ones.
-
-    Each joint keeps its distance from its reference; an added one stands where the joint that it belongs
-    to does.
-    """
-    pose = np.array(model.qpos0)
-    own = [j for j in range(model.njnt) if not is_added(model.joint(j).name)]
-    for before, joint in enumerate(own):
-        old, new = nominal.joint(before).qpos0, int(model.jnt_qposadr[joint])
-        start = int(nominal.jnt_qposadr[before])
-        pose[new : new + len(old)] += qpos[start : start + len(old)] - old
-    return with_added(pose, model)
-
-
-def with_added(pose: NDArray[np.float64], model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Return joint angles, shape (nq,), in which each added joint has its owner's."""
-    pose = np.array(pose)
-    for joint in range(model.njnt):
-        name = model.joint(joint).name
-        if is_added(name):
-            pose[model.jnt_qposadr[joint]] = pose[model.joint(owner_of(name)).qposadr[0]]
-    return pose
-
-
-def table(nominal: Parts | None = None) -> list[dict[str, object]]:
-    """Return one row per effect: its name, meaning, parameter, bounds, and whether it applies.
-
-    Args:
-        nominal: the parts of a nominal robot, for its own figures; without, they are in multiples of
-            what is named.
-    """
-    return [_row(effect, nominal) for effect in EFFECTS.values()]
-
-
-def _row(effect: Effect, nominal: Parts | None) -> dict[str, object]:
-    row: dict[str, object] = {
-        "name": effect.name,
-        "meaning": effect.summary,
-        "parameter": effect.parameter,
-        "unit": effect.unit,
-        "neutral": _words(effect.neutral),
-        "bounds": [effect.low, effect.high],
-        "bounds_times": effect.reference_name,
-        "scale": effect.scale,
-        "prior": str(effect.prior),
-        "prior_source": effect.prior.source,
-        "target": {"none": "", "any": "all or one actuator", "one": "one actuator"}[effect.target],
-    }
-    if nominal is None:
-        return row
-    reason = effect.why_not(nominal)
-    row |= {"applies": reason is None, "why_not": reason or ""}
-    if reason is None:
-        neutral = _words(effect.neutral_value(nominal))
-        row |= {"neutral": neutral, "bounds": list(effect.bounds(nominal)), "bounds_times": ""}
-    return row
-
-
-def _words(neutral: float | Callable[[Parts], float]) -> float | str:
-    """Return a neutral value as JSON and a reader take it: infinity and a robot's figure are words."""
-    if callable(neutral):
-        return "the nominal's"
-    return "inf" if math.isinf(neutral) else neutral

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import mujoco
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.effects.active import RobotEffects, transferred
-from gaitopt.effects.effect import Parts, is_added
+from gaitopt.effects.active import RobotEffects
+from gaitopt.effects.added import is_added, transferred
+from gaitopt.effects.parts import Parts
 from gaitopt.problem.model import assets_for, compile_for, nominal_mjcf
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.start import START

@@ -9,7 +9,7 @@ from dataclasses import replace
 import mujoco
 
 from gaitopt.core.errors import bad_value
-from gaitopt.effects.effect import Parts
+from gaitopt.effects.parts import Parts
 from gaitopt.problem.matching import check_matches
 from gaitopt.problem.mjcf import compile_mjcf, named_files, parse_mjcf, path_from, read_mjcf
 from gaitopt.problem.problem import Problem

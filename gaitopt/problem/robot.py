@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.effects.effect import is_added
-from gaitopt.effects.library.servo import net_torque_limits
+from gaitopt.effects.added import is_added
+from gaitopt.effects.library.servo_deadband import net_torque_limits
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.effects.active import RobotEffects, control_columns, with_added
+from gaitopt.effects.active import RobotEffects
+from gaitopt.effects.added import control_columns, with_added
 from gaitopt.effects.effect import LOOP_INTERVAL_S
 from gaitopt.gait.drive import Commands, Drive
 from gaitopt.problem.instruments import build_instrumented, scalar_joints

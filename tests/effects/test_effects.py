@@ -17,7 +17,7 @@ from helpers import STRIDER, problem_folder, same_bits, still
 from gaitopt.cli.app import main
 from gaitopt.core.errors import GaitoptError
 from gaitopt.effects import EFFECTS, Effect
-from gaitopt.effects.effect import Parts
+from gaitopt.effects.parts import Parts
 from gaitopt.optimise.evaluator import assess
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.verification import verify

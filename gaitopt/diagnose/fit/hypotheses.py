@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from gaitopt.effects import EFFECTS, Effect
 from gaitopt.effects.active import Values
-from gaitopt.effects.effect import ALL, Parts
+from gaitopt.effects.parts import ALL, Parts
 
 _SCREENED = (0.2, 0.6, 1.0)
 """Shares of the way from neutral to each bound at which a hypothesis is tried first.

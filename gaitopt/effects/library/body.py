@@ -7,24 +7,16 @@ import math
 import mujoco
 import numpy as np
 
-from gaitopt.effects.effect import Effect, Parts, Prior, added_name
-
-_FIRST = 1
-"""The first body under the world: the first module."""
-
-
-def _mass(parts: Parts) -> float:
-    return float(parts.model.body_subtreemass[_FIRST])
-
-
-def _weight(parts: Parts) -> float:
-    return _mass(parts) * float(np.linalg.norm(parts.model.opt.gravity))
+from gaitopt.effects.added import added_name
+from gaitopt.effects.effect import Effect
+from gaitopt.effects.parts import FIRST_BODY, Parts
+from gaitopt.effects.prior import Prior
 
 
 def _module_length(parts: Parts) -> float:
     """Return the radius of the first module's largest geom, m."""
     model = parts.model
-    radii = model.geom_rbound[model.geom_bodyid == _FIRST]
+    radii = model.geom_rbound[model.geom_bodyid == FIRST_BODY]
     return float(radii.max(initial=0.0)) or float(model.stat.meansize)
 
 
@@ -53,7 +45,7 @@ GROUND_SLOPE = Effect(
 
 def _add_mass(parts: Parts, mass: float, _: float) -> None:
     """Add a point mass at the first body's centre of mass, where it adds no rotational inertia."""
-    parts.model.body_mass[_FIRST] += mass
+    parts.model.body_mass[FIRST_BODY] += mass
 
 
 PAYLOAD_MASS = Effect(
@@ -66,7 +58,7 @@ PAYLOAD_MASS = Effect(
     high=0.6,
     scale="lin",
     prior=Prior("half-normal", 0.0, 0.12, "glue, wires and connectors that nobody weighed"),
-    reference=_mass,
+    reference=lambda parts: parts.mass,
     reference_name="the robot's mass",
     allowed=(0.0, math.inf),
     model=_add_mass,
@@ -75,8 +67,8 @@ PAYLOAD_MASS = Effect(
 
 def _shift_centre(parts: Parts, offset: float, _: float) -> None:
     model = parts.model
-    forward = parts.at_zero.xmat[_FIRST].reshape(3, 3).T @ parts.axes[0]
-    model.body_ipos[_FIRST] += offset * forward
+    forward = parts.at_zero.xmat[FIRST_BODY].reshape(3, 3).T @ parts.axes[0]
+    model.body_ipos[FIRST_BODY] += offset * forward
 
 
 COM_OFFSET = Effect(
@@ -148,9 +140,9 @@ GEOMETRY_SCALE = Effect(
 
 def _add_tether(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
     """Add an actuator that needs no command: a force on the first body, along an axis of the world."""
-    first = spec.bodies[_FIRST]
+    first = spec.bodies[FIRST_BODY]
     name = added_name("tether", nominal.channels[0])
-    first.add_site(name=name, pos=nominal.model.body_ipos[_FIRST])
+    first.add_site(name=name, pos=nominal.model.body_ipos[FIRST_BODY])
     world = added_name("world", nominal.channels[0])
     spec.worldbody.add_site(name=world)
     spec.add_actuator(
@@ -182,7 +174,7 @@ TETHER_DRAG = Effect(
     prior=Prior(
         "half-normal", 0.0, 0.05, "a thin cable that bends and drags: 10 to 50 mN on a robot of 0.8 N"
     ),
-    reference=_weight,
+    reference=lambda parts: parts.weight,
     reference_name="the robot's weight",
     structure=_add_tether,
     model=_pull,

@@ -11,8 +11,10 @@ import math
 import mujoco
 import numpy as np
 
-from gaitopt.effects.effect import Effect, Parts, Prior
+from gaitopt.effects.effect import Effect
 from gaitopt.effects.library.servo import torque_scale
+from gaitopt.effects.parts import Parts
+from gaitopt.effects.prior import Prior
 
 _SOLREF = (2e-3, 1.0)
 _SOLIMP = (0.9999, 0.9999, 1e-3, 0.5, 2.0)

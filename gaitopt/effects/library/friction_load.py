@@ -1,0 +1,95 @@
+"""Friction that depends on the load of a contact."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.effects.effect import LOOP_INTERVAL_S, Effect, Update
+from gaitopt.effects.library.friction import Friction
+from gaitopt.effects.library.ground_loads import load_addresses, sense_loads
+from gaitopt.effects.parts import Parts
+from gaitopt.effects.prior import Prior
+
+_LOADED = 0.02
+"""A geom that carries less than this share of the robot's weight does not count as loaded."""
+
+_LOAD_S = 0.02
+"""Time constant over which a load counts: a simulated contact chatters, a power of its force would not
+have the power of its mean."""
+
+_STAND_S = 0.05
+"""Time over which the loads at the start are averaged."""
+
+
+_FACTORS = (0.2, 5.0)
+"""How far load may change a coefficient: a pad that hardly touches has no measured coefficient."""
+
+
+def _sense_all(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
+    sense_loads(spec, nominal, nominal.touching)
+
+
+def _mean_load(parts: Parts, addresses: Sequence[int]) -> float:
+    """Return the weight over the number of geoms that carry it at the start, N."""
+    model = parts.model
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    steps = max(1, round(_STAND_S / model.opt.timestep))
+    loads = np.zeros(len(addresses))
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        forces = data.sensordata[np.add.outer(addresses, range(3))]
+        loads -= forces @ parts.axes[2] / steps
+    weight = parts.weight
+    return weight / max(1, int(np.sum(loads > _LOADED * weight)))
+
+
+def _loaded(parts: Parts, exponent: float) -> Update:
+    """Return what sets each coefficient to mu (load / mean load)^(-exponent), of smoothed loads."""
+    geoms = parts.touching
+    friction = Friction(parts.model, geoms)
+    addresses = load_addresses(parts, geoms)
+    forces = np.add.outer(addresses, range(3))
+    up = parts.axes[2]
+    mean = _mean_load(parts, addresses)
+    least = _LOADED * parts.weight
+    loads = [0.0] * len(geoms)
+
+    def update(sensed: NDArray[np.float64]) -> None:
+        for index, pressed in enumerate((sensed[forces] @ up).tolist()):
+            if pressed == loads[index] == 0.0:
+                continue
+            weight = LOOP_INTERVAL_S / _LOAD_S if loads[index] > least else 1.0
+            loads[index] -= weight * (pressed + loads[index])
+            if loads[index] > least:
+                factor = (loads[index] / mean) ** -exponent
+                friction.scale(index, min(max(factor, _FACTORS[0]), _FACTORS[1]))
+
+    return update
+
+
+def _nothing_touches(parts: Parts) -> str | None:
+    return None if parts.touching else "the problem names no roles.pads and no roles.body"
+
+
+FRICTION_LOAD = Effect(
+    name="friction_load",
+    summary="coefficients go with load^(-exponent) about the mean load of the geoms that carry the robot",
+    parameter="exponent",
+    unit="",
+    neutral=0.0,
+    low=-0.3,
+    high=1.0,
+    scale="lin",
+    prior=Prior(
+        "normal", 0.0, 0.2, "0 is Amontons' law; a smooth elastic contact goes with load^(-1/3) (Hertz)"
+    ),
+    allowed=(-1.0, 1.0),
+    missing=_nothing_touches,
+    structure=_sense_all,
+    loop=_loaded,
+)

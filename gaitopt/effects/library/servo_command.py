@@ -1,0 +1,114 @@
+"""The angle that a servo makes of its command: its travel, its zero, how fast it follows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from itertools import accumulate
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.effects.effect import Effect
+from gaitopt.effects.parts import Parts
+from gaitopt.effects.prior import Prior
+from gaitopt.gait.drive import Commands
+
+
+def _scale_travel(sent: Commands, gain: float, parts: Parts) -> Commands:
+    def turned(time: NDArray[np.float64]) -> NDArray[np.float64]:
+        rows = sent(time).copy()
+        rows[:, parts.servos] *= gain
+        return rows
+
+    return turned
+
+
+SERVO_TRAVEL = Effect(
+    name="servo_travel",
+    summary="gain of the commanded angle, about the servo's zero",
+    parameter="gain",
+    unit="",
+    neutral=1.0,
+    low=0.7,
+    high=1.3,
+    scale="lin",
+    prior=Prior(
+        "normal",
+        1.0,
+        0.07,
+        "pulse widths at the ends of travel of uncalibrated micro servos differ by 5 to 10 %",
+    ),
+    target="any",
+    commands=_scale_travel,
+)
+
+
+def _offset(sent: Commands, offset: float, parts: Parts) -> Commands:
+    def turned(time: NDArray[np.float64]) -> NDArray[np.float64]:
+        rows = sent(time).copy()
+        rows[:, parts.servos] += offset
+        return rows
+
+    return turned
+
+
+SERVO_TRIM = Effect(
+    name="servo_trim",
+    summary="zero offset of the commanded angle",
+    parameter="offset_rad",
+    unit="rad",
+    neutral=0.0,
+    low=-0.26,
+    high=0.26,
+    scale="lin",
+    prior=Prior(
+        "normal", 0.0, 0.07, "a horn goes on in steps of 360/21 = 17 degrees, so at worst 8.6 degrees off"
+    ),
+    target="any",
+    commands=_offset,
+)
+
+
+def _limit_speed(sent: Commands, limit: float, parts: Parts) -> Commands:
+    """Let the angle that the servo follows slew no faster than `limit` from the angle held before."""
+    step_s, servos = parts.step_s, parts.servos
+    most = limit * step_s
+
+    def followed(time: NDArray[np.float64]) -> NDArray[np.float64]:
+        rows = sent(time).copy()
+        before = sent(time[:1] - step_s)[0]
+        for i in servos:
+            rows[:, i] = _slewed(before[i], rows[:, i].tolist(), most)
+        return rows
+
+    return followed
+
+
+def _slewed(before: float, angles: Iterable[float], most: float) -> list[float]:
+    def follow(at: float, asked: float) -> float:
+        return min(max(asked, at - most), at + most)
+
+    return list(accumulate(angles, follow, initial=before))[1:]
+
+
+SERVO_SPEED_LIMIT = Effect(
+    name="servo_speed_limit",
+    summary="the commanded angle is followed no faster than this",
+    parameter="limit_rad_s",
+    unit="rad/s",
+    neutral=math.inf,
+    low=1.0,
+    high=40.0,
+    scale="log",
+    prior=Prior(
+        "log-normal",
+        8.0,
+        0.6,
+        "datasheets of 9 g servos: 0.08 to 0.12 s per 60 degrees unloaded at 4.8 V, so 9 to 13 rad/s; less "
+        "under load",
+    ),
+    allowed=(0.0, math.inf),
+    target="any",
+    commands=_limit_speed,
+)

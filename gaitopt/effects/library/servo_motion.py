@@ -1,0 +1,112 @@
+"""How a servo moves its joint: gain, damping and inertia."""
+
+from __future__ import annotations
+
+import math
+
+from gaitopt.effects.effect import Effect
+from gaitopt.effects.library.servo import drives_no_joint
+from gaitopt.effects.parts import Parts
+from gaitopt.effects.prior import Prior
+
+
+def _scale_gain(parts: Parts, scale: float, _: float) -> None:
+    """Scale kp, which MuJoCo keeps as the gain and as minus the bias on the angle."""
+    parts.model.actuator_gainprm[parts.servos, 0] *= scale
+    parts.model.actuator_biasprm[parts.servos, 1] *= scale
+
+
+SERVO_GAIN = Effect(
+    name="servo_gain",
+    summary="proportional gain of the servo",
+    parameter="scale",
+    unit="",
+    neutral=1.0,
+    low=0.2,
+    high=5.0,
+    scale="log",
+    prior=Prior(
+        "log-normal",
+        1.0,
+        0.5,
+        "gains of micro servos are not published; full drive at 3 to 10 degrees of error",
+    ),
+    allowed=(0.0, math.inf),
+    target="any",
+    model=_scale_gain,
+)
+
+
+def _no_damping(parts: Parts) -> str | None:
+    if not parts.model.dof_damping[parts.servo_dofs].any():
+        return "the driven joints have no damping to scale"
+    return drives_no_joint(parts)
+
+
+def _scale_damping(parts: Parts, scale: float, _: float) -> None:
+    parts.model.dof_damping[parts.servo_dofs] *= scale
+    parts.model.dof_dampingpoly[parts.servo_dofs] *= scale
+
+
+SERVO_DAMPING = Effect(
+    name="servo_damping",
+    summary="damping of the driven joint",
+    parameter="scale",
+    unit="",
+    neutral=1.0,
+    low=0.2,
+    high=4.0,
+    scale="log",
+    prior=Prior(
+        "log-normal",
+        1.0,
+        0.4,
+        "stall torque over no-load speed of 9 g servos: 0.01 to 0.03 N m s/rad, and gear losses on top",
+    ),
+    allowed=(0.0, math.inf),
+    target="any",
+    missing=_no_damping,
+    model=_scale_damping,
+)
+
+
+def _armature(parts: Parts) -> float:
+    return float(parts.model.dof_armature[parts.servo_dofs].max(initial=0.0))
+
+
+def _armature_scale(parts: Parts) -> float:
+    """Return the nominal armature, or where there is none the inertia that the servo turns, kg m^2."""
+    return _armature(parts) or float(parts.model.dof_M0[parts.servo_dofs].max(initial=1e-6))
+
+
+def _set_armature(parts: Parts, armature: float, nominal: float) -> None:
+    """Set the rotor's inertia; servos of different inertia keep their proportion."""
+    dofs = parts.servo_dofs
+    if nominal > 0.0:
+        parts.model.dof_armature[dofs] *= armature / nominal
+    else:
+        parts.model.dof_armature[dofs] = armature
+
+
+SERVO_INERTIA = Effect(
+    name="servo_inertia",
+    summary="rotor's inertia, reflected through the gear",
+    parameter="armature_kg_m2",
+    unit="kg m^2",
+    neutral=_armature,
+    low=0.1,
+    high=10.0,
+    scale="log",
+    prior=Prior(
+        "log-normal",
+        1.0,
+        0.8,
+        "a rotor of 0.5e-9 to 4e-9 kg m^2 behind a gear of 1:200 to 1:350 in 9 g servos",
+    ),
+    reference=_armature_scale,
+    reference_name="the nominal armature",
+    allowed=(0.0, math.inf),
+    target="any",
+    missing=drives_no_joint,
+    model=_set_armature,
+)

@@ -1,0 +1,80 @@
+"""The supply that servos share."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.effects.added import added_name
+from gaitopt.effects.effect import LOOP_INTERVAL_S, Effect, Update
+from gaitopt.effects.library.servo import drives_no_joint, torque_limit
+from gaitopt.effects.library.servo_deadband import net_torque_limits
+from gaitopt.effects.parts import Parts
+from gaitopt.effects.prior import Prior
+
+_SUPPLY_S = 0.01
+"""Time constant with which the limits follow the torques: assumed, half a servo's frame; without one the
+limits chatter."""
+
+
+def _no_limit(parts: Parts) -> str | None:
+    if not math.isfinite(torque_limit(parts)):
+        return "a servo has no torque limit to fall"
+    return drives_no_joint(parts)
+
+
+def _sense_torques(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
+    for index in range(len(nominal.channels)):
+        actuator = spec.actuators[index]
+        spec.add_sensor(
+            name=added_name("torque", actuator.name),
+            type=mujoco.mjtSensor.mjSENS_ACTUATORFRC,
+            objtype=mujoco.mjtObj.mjOBJ_ACTUATOR,
+            objname=actuator.name,
+        )
+
+
+def _sag(parts: Parts, share: float) -> Update:
+    """Return what sets each limit to L (1 - share drawn), where drawn is sum|torque| / sum L, smoothed."""
+    model, servos = parts.model, parts.servos
+    names = [added_name("torque", model.actuator(i).name) for i in range(len(parts.channels))]
+    addresses = [int(model.sensor(name).adr[0]) for name in names]
+    ranges = model.actuator_forcerange[servos].copy()
+    limits = net_torque_limits(model)[: len(names)]
+    lost = share * limits[servos, None] * (-1.0, 1.0)
+    available, drawn = float(limits.sum()), 0.0
+
+    def update(sensed: NDArray[np.float64]) -> None:
+        nonlocal drawn
+        now = min(1.0, sum(map(abs, sensed[addresses].tolist())) / available)
+        drawn += LOOP_INTERVAL_S / _SUPPLY_S * (now - drawn)
+        model.actuator_forcerange[servos] = ranges - drawn * lost
+
+    return update
+
+
+SERVO_SAG = Effect(
+    name="servo_sag",
+    summary="shared supply: the torque available falls by this share when all servos draw all of theirs",
+    parameter="share_lost",
+    unit="",
+    neutral=0.0,
+    low=0.0,
+    high=0.8,
+    scale="lin",
+    prior=Prior(
+        "half-normal",
+        0.0,
+        0.25,
+        "three stalled 9 g servos draw about 2 A; 0.3 to 0.6 ohm of cable, breadboard and regulator take "
+        "0.6 to 1.2 V of 5 V, and stall torque goes with voltage",
+    ),
+    allowed=(0.0, 1.0),
+    target="any",
+    missing=_no_limit,
+    structure=_sense_torques,
+    loop=_sag,
+)

@@ -1,0 +1,105 @@
+"""Commands that arrive late or early."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.effects.effect import Effect
+from gaitopt.effects.library.servo import torque_limits
+from gaitopt.effects.parts import Parts
+from gaitopt.effects.prior import Prior
+from gaitopt.gait.drive import Commands
+from gaitopt.robot.trajectory import Trajectory
+
+
+def _in_steps(delay: float, step_s: float) -> tuple[int, float]:
+    """Return the whole steps of the clock in a delay, and what is left of a step as its share."""
+    whole = math.floor(delay / step_s + 1e-6)
+    rest = delay / step_s - whole
+    return whole, rest if rest > 1e-6 else 0.0
+
+
+def _delay_all(sent: Commands, delay: float, parts: Parts) -> Commands:
+    """Return the commands late by the whole steps of the clock in `delay`; `_see_late` has the rest."""
+    whole, _ = _in_steps(delay, parts.step_s)
+    return lambda time: sent(time - whole * parts.step_s)
+
+
+def _see_late(trajectory: Trajectory, delay: float, parts: Parts, __: np.random.Generator) -> Trajectory:
+    """Return the trajectory late by what `_delay_all` leaves of a delay.
+
+    A robot at rest, all of whose commands come later, does the same later. What is sent is held
+    for a step, and stays in it.
+    """
+    _, rest = _in_steps(delay, parts.step_s)
+    return replace(trajectory, time=trajectory.time + rest * parts.step_s) if rest else trajectory
+
+
+COMMAND_LATENCY = Effect(
+    name="command_latency",
+    summary="all commands late",
+    parameter="delay_s",
+    unit="s",
+    neutral=0.0,
+    low=0.0,
+    high=0.2,
+    scale="lin",
+    prior=Prior(
+        "half-normal", 0.0, 0.04, "a 20 ms servo frame, a frame in the servo, and tens of ms in a script"
+    ),
+    allowed=(0.0, 10.0),
+    needs_known_start=True,
+    commands=_delay_all,
+    observe=_see_late,
+)
+
+
+def _saturation(parts: Parts) -> NDArray[np.float64]:
+    """Return the error of angle at which each target servo reaches its torque limit, rad; inf without one."""
+    gains: NDArray[np.float64] = parts.model.actuator_gainprm[parts.servos, 0]
+    return torque_limits(parts) / gains
+
+
+def _delay_one(sent: Commands, delay: float, parts: Parts) -> Commands:
+    """Return the commands, those of the target `delay` s late; where one changes within a step, in part.
+
+    A command that changes within a step should act for the rest of that step. So the servo gets that part
+    of the change, of as much of it as it answers to: more than saturates it would act like all of it, and
+    delays would go in whole steps. Exact where the servo has come to rest under the command before; where
+    it has not, a jump is up to a step off.
+    """
+    step_s, servos, most = parts.step_s, parts.servos, _saturation(parts)
+    whole, rest = _in_steps(delay, step_s)
+
+    def late(time: NDArray[np.float64]) -> NDArray[np.float64]:
+        shifted = sent(time - whole * step_s)[:, servos]
+        if rest:
+            before = sent(time - (whole + 1) * step_s)[:, servos]
+            shifted = before + (1.0 - rest) * np.clip(shifted - before, -most, most)
+        rows = sent(time).copy()
+        rows[:, servos] = shifted
+        return rows
+
+    return late
+
+
+CHANNEL_TIMING = Effect(
+    name="channel_timing",
+    summary="one servo's command late (positive) or early",
+    parameter="delay_s",
+    unit="s",
+    neutral=0.0,
+    low=-0.15,
+    high=0.15,
+    scale="lin",
+    prior=Prior(
+        "normal", 0.0, 0.04, "commands written one after another in MicroPython, with sleeps between"
+    ),
+    allowed=(-10.0, 10.0),
+    target="one",
+    commands=_delay_one,
+)
