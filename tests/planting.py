@@ -12,12 +12,12 @@ from gaitopt.core.files import csv_text
 from gaitopt.effects.active import Values
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
+from gaitopt.robot.signals import is_marker, measured_column_of
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Scenario, Simulator
 
 OTHER = Fidelity(timestep_s=5e-4, integrator="RK4")
 SIGNALS = ("marker.x", "marker.y", "marker.z", "joint.mid_left")
-_SUFFIX = {"marker": "m", "joint": "rad"}
 
 
 def rollout(
@@ -45,10 +45,9 @@ def filmed(
     time = np.arange(0.0, trajectory.time[-1] - max(begin_s, 0.0), 1.0 / fps)
     columns = {"t_s": time}
     for name in signals:
-        kind, _, part = name.partition(".")
-        noise = noise_m if kind == "marker" else 2e-3
+        noise = noise_m if is_marker(name) else 2e-3
         series = np.interp(time + begin_s, trajectory.time, trajectory[name])
-        columns[f"{part}_{_SUFFIX[kind]}"] = series + noise * rng.standard_normal(len(time))
+        columns[measured_column_of(name)] = series + noise * rng.standard_normal(len(time))
     return columns
 
 

@@ -18,6 +18,7 @@ from gaitopt.blind.factory import CaseFactory, observed
 from gaitopt.core.files import csv_text, write_text
 from gaitopt.diagnose.judge.small_errors import with_small_errors
 from gaitopt.problem.records import Fidelity
+from gaitopt.robot.signals import is_marker, measured_column_of
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Scenario, Simulator
 
@@ -141,11 +142,10 @@ def _columns(
     origin = rng.uniform(-0.3, 0.3, len(factory.signals))
     columns = {"t_s": time}
     for index, signal in enumerate(factory.signals):
-        kind, _, part = signal.partition(".")
         series = np.interp(time + begin, path.time, path[signal])
         noise = rng.standard_normal(len(time))
-        if kind == "marker":
-            columns[f"{part}_m"] = series + origin[index] + camera.noise_m * noise
+        if is_marker(signal):
+            columns[measured_column_of(signal)] = series + origin[index] + camera.noise_m * noise
         else:
-            columns[f"{part}_rad"] = series + factory.settings.angle_noise_rad * noise
+            columns[measured_column_of(signal)] = series + factory.settings.angle_noise_rad * noise
     return columns

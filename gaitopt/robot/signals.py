@@ -29,9 +29,19 @@ def is_marker(signal: str) -> bool:
     return signal.startswith("marker.")
 
 
+def kind_of(signal: str) -> str:
+    """Return the kind of a signal, the part of its name before the dot, such as ``marker``."""
+    return signal.partition(".")[0]
+
+
+def name_of(signal: str) -> str:
+    """Return the part of a signal's name after the dot: an axis, or the name of a joint."""
+    return signal.partition(".")[2]
+
+
 def unit_of(signal: str) -> str:
     """Return the unit of a measured signal: ``m`` of the marker, ``rad`` of a joint."""
-    return UNITS[signal.partition(".")[0]]
+    return UNITS[kind_of(signal)]
 
 
 def joint_signal(joint: str) -> str:
@@ -41,5 +51,10 @@ def joint_signal(joint: str) -> str:
 
 def column_of(signal: str) -> str:
     """Return the name of a signal's column in a CSV file, with its unit as suffix."""
-    unit = UNITS[signal.partition(".")[0]]
+    unit = UNITS[kind_of(signal)]
     return f"{signal}_{unit}" if unit else signal
+
+
+def measured_column_of(signal: str) -> str:
+    """Return the name of a measured signal's column in a data set: ``x_m``, ``mid_left_rad``."""
+    return f"{name_of(signal)}_{unit_of(signal)}"

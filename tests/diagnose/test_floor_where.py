@@ -17,7 +17,8 @@ from gaitopt.diagnose.gap.align import align, pooled_marker_rms
 from gaitopt.diagnose.gap.floor import Floor, marker_floor
 from gaitopt.diagnose.gap.where import COMPONENTS, split
 from gaitopt.diagnose.record.cycles import PHASES, shifted, steady
-from gaitopt.diagnose.record.dataset import Trial, load_dataset
+from gaitopt.diagnose.record.dataset import load_dataset
+from gaitopt.diagnose.record.trial import Trial
 from gaitopt.diagnose.words import answer, explanation
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.robot.trajectory import Trajectory

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.diagnose.record.dataset import Trial
+from gaitopt.diagnose.record.trial import Trial
 from gaitopt.robot.signals import is_marker
 from gaitopt.robot.trajectory import Trajectory
 

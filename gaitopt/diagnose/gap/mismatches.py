@@ -8,8 +8,9 @@ import numpy as np
 
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.record.cycles import Cycles, steady
-from gaitopt.diagnose.record.dataset import Series, Trial
 from gaitopt.diagnose.record.defects import Defect, block_range, markers
+from gaitopt.diagnose.record.trial import Series, Trial
+from gaitopt.robot.signals import name_of
 from gaitopt.robot.trajectory import Trajectory
 
 RATIOS = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
@@ -44,7 +45,7 @@ def mismatches(aligned: Aligned, transient: float) -> Iterator[Defect]:
             return
     for name in markers(trial):
         if _is_reversed(aligned, name, transient):
-            axis = name.partition(".")[2]
+            axis = name_of(name)
             message = (
                 f"{name} moves against the simulated one: does {axis} grow the other way, as in an image?"
             )

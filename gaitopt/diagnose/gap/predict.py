@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 
-from gaitopt.diagnose.record.dataset import Trial
+from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.drive import Drive
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator

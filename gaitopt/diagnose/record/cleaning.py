@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from gaitopt.diagnose.record.clock import rounded_clock, stepped_clock
-from gaitopt.diagnose.record.dataset import Trial
 from gaitopt.diagnose.record.defects import Defect, Found, frozen, gaps, outliers
+from gaitopt.diagnose.record.trial import Trial
 
 
 @dataclass(frozen=True)

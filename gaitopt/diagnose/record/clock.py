@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from gaitopt.diagnose.record.dataset import Flags, Series, Trial
 from gaitopt.diagnose.record.defects import (
     Defect,
     Found,
@@ -19,6 +18,7 @@ from gaitopt.diagnose.record.defects import (
     markers,
     noise_of,
 )
+from gaitopt.diagnose.record.trial import Flags, Series, Trial
 
 GRIDS_S = (1.0, 0.5, 0.25, 0.2, 0.1, 0.05, 0.04, 0.025, 0.02, 0.01, 0.005)
 """Grids that clocks are rounded to, coarsest first, s."""

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.core.files import Name, inside, read_toml, validated
 from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
-from gaitopt.diagnose.record.tables import Table, read_csv
+from gaitopt.diagnose.record.tables import TextTable, read_csv
+from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.gait.drive import Drive
 from gaitopt.gait.gait import read_gait
 from gaitopt.problem.problem import Problem
+from gaitopt.robot.signals import kind_of
 
 DATASET_FILE = "dataset.toml"
 
@@ -27,8 +28,6 @@ UNITS = {"marker": LENGTH, "joint": ANGLE}
 _SAMPLES_PER_BLOCK = 4
 _WHOLE_BLOCKS = 2
 
-Series = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 _Name = Annotated[Name, Field(min_length=1, max_length=100)]
@@ -69,55 +68,6 @@ class DataSetFile(BaseModel):
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One recording.
-
-    Attributes:
-        name: name of the trial.
-        drive: what was commanded.
-        time: time stamps on the recording's own clock, s, shape (n,), never decreasing; plots read
-            off vertical lines give several samples one stamp.
-        signals: measured series, each of shape (n,): ``marker.x|y|z`` in m, of arbitrary origin, and
-            ``joint.NAME`` in rad; NaN where nothing was measured.
-        used: for each signal which samples count, shape (n,): measured, and not masked as a defect.
-        starts_at_s: gait time at the recording's zero, s; None where it is not known.
-        noise_m: standard deviation of the marker's noise, m, if it is known.
-        fps: frames a second, if known.
-        clock_s: standard deviation of the time stamps' common error, s, where they had been rounded.
-    """
-
-    name: str
-    drive: Drive
-    time: Series
-    signals: Mapping[str, Series]
-    used: Mapping[str, Flags]
-    starts_at_s: float | None = None
-    noise_m: float | None = None
-    fps: float | None = None
-    clock_s: float = 0.0
-
-    @staticmethod
-    def of(name: str, drive: Drive, time: Series, signals: Mapping[str, Series]) -> Trial:
-        """Return a trial in which every finite sample counts."""
-        used = {signal: np.isfinite(series) for signal, series in signals.items()}
-        return Trial(name, drive, time, signals, used)
-
-    @property
-    def frame_s(self) -> float:
-        """Typical time between two samples, s."""
-        steps = np.diff(self.time)
-        return float(np.median(steps[steps > 0.0]))
-
-    def masked(self, flags: Flags, kind: str | None = None) -> Trial:
-        """Return the trial without some samples, of every signal or of those of one kind."""
-        used = {
-            name: keep & ~flags if kind is None or _kind(name) == kind else keep
-            for name, keep in self.used.items()
-        }
-        return replace(self, used=used)
-
-
-@dataclass(frozen=True)
 class DataSet:
     """A checked data set: where it lies and its trials."""
 
@@ -145,7 +95,7 @@ def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> Data
     repeated = next((name for name in names if names.count(name) > 1), None)
     if repeated is not None:
         raise GaitoptError(f"{path}: trial {repeated!r} stands there twice; allowed: one of each name")
-    measurable = sorted(name for name in known if _kind(name) in UNITS)
+    measurable = sorted(name for name in known if kind_of(name) in UNITS)
     return DataSet(path, tuple(_trial(entry, path, problem, measurable) for entry in file.trial))
 
 
@@ -183,7 +133,7 @@ def _beside(path: Path, name: str, key: str) -> Path:
     return found
 
 
-def _time(table: Table, entry: TrialFile, drive: Drive, source: str) -> Series:
+def _time(table: TextTable, entry: TrialFile, drive: Drive, source: str) -> Series:
     """Return the time stamps in s, checked against the length of the drive's blocks."""
     scale = suffix_scale(source, "time", entry.time, TIME)
     time = table.column(entry.time) * scale
@@ -209,16 +159,12 @@ def _time(table: Table, entry: TrialFile, drive: Drive, source: str) -> Series:
     return time
 
 
-def _series(table: Table, signal: str, column: str, source: str) -> Series:
+def _series(table: TextTable, signal: str, column: str, source: str) -> Series:
     if column not in table.head:
         raise unknown_name(f"{source}: signals.{signal}: {table.source}", "column", column, table.head)
-    scale = suffix_scale(source, f"signals.{signal}", column, UNITS[_kind(signal)])
+    scale = suffix_scale(source, f"signals.{signal}", column, UNITS[kind_of(signal)])
     series = table.column(column) * scale
     if not np.isfinite(series).any():
         raise GaitoptError(f"{table.source}: column {column} holds no number")
     series[~np.isfinite(series)] = np.nan
     return series
-
-
-def _kind(signal: str) -> str:
-    return signal.partition(".")[0]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from gaitopt.diagnose.record.dataset import Flags, Series, Trial
+from gaitopt.diagnose.record.trial import Flags, Series, Trial
 from gaitopt.robot.signals import is_marker
 
 _DROPPED = 1.8

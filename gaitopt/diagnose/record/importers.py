@@ -17,9 +17,11 @@ from gaitopt.core.files import csv_text, validated, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
 from gaitopt.diagnose.record.cleaning import clean
-from gaitopt.diagnose.record.dataset import DATASET_FILE, DataSetFile, Trial
+from gaitopt.diagnose.record.dataset import DATASET_FILE, DataSetFile
 from gaitopt.diagnose.record.defects import Defect, counted, spans_of
 from gaitopt.diagnose.record.tables import read_rows, table
+from gaitopt.diagnose.record.trial import Trial
+from gaitopt.robot.signals import measured_column_of
 
 Series = NDArray[np.float64]
 
@@ -343,8 +345,7 @@ def _write_trial(folder: Path, name: str, gait: str, motion: Imported, options: 
     columns = {"t_s": motion.time}
     signals = {}
     for signal, series in motion.signals.items():
-        kind, _, part = signal.partition(".")
-        signals[signal] = f"{part}_{'m' if kind == 'marker' else 'rad'}"
+        signals[signal] = measured_column_of(signal)
         columns[signals[signal]] = series
     text = csv_text(columns).replace("nan", "")
     write_text(folder / f"{name}.csv", text)

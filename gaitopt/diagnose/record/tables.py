@@ -21,7 +21,7 @@ _MISSING = {"", "nan", "na", "n/a", "none", "null", "-"}
 
 
 @dataclass(frozen=True)
-class Table:
+class TextTable:
     """Cells as text, by row, and the line of the file that the first row stands on.
 
     Attributes:
@@ -87,7 +87,7 @@ def read_rows(path: Path, delimiter: str = ",", lines: int | None = None) -> lis
 
 def table(
     path: Path, rows: Sequence[Sequence[str]], head: Sequence[str], begin: int, decimal: str = "."
-) -> Table:
+) -> TextTable:
     """Return the rows from index `begin` under the names `head`.
 
     Raises:
@@ -105,10 +105,10 @@ def table(
             filled.append([*row, *[""] * (len(head) - len(row))])
     if not filled:
         raise GaitoptError(f"{path}: no numbers under the column names")
-    return Table(path, tuple(head), filled, begin + 1, decimal)
+    return TextTable(path, tuple(head), filled, begin + 1, decimal)
 
 
-def read_csv(path: Path) -> Table:
+def read_csv(path: Path) -> TextTable:
     """Return a plain CSV table: one row of names, then numbers.
 
     Raises:

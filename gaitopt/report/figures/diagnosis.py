@@ -17,7 +17,7 @@ from gaitopt.diagnose.gap.where import COMPONENTS
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.precision import intervals
 from gaitopt.report.figures.style import BEST_COLOUR, COLOURS, finish, legend_below, plain_ticks
-from gaitopt.robot.signals import is_marker
+from gaitopt.robot.signals import is_marker, name_of
 
 _WIDTH = 6.0
 """Inches, as of the other figures."""
@@ -224,4 +224,4 @@ def _scale(name: str) -> float:
 
 
 def _label(name: str) -> str:
-    return f"{name.partition('.')[2]} [mm]" if is_marker(name) else "angle [°]"
+    return f"{name_of(name)} [mm]" if is_marker(name) else "angle [°]"

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.gap.align import align
 from gaitopt.diagnose.record.cleaning import clean
-from gaitopt.diagnose.record.dataset import DataSet, Trial
+from gaitopt.diagnose.record.dataset import DataSet
+from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.gait import Gait
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator

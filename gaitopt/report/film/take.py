@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.gap.predict import latest_gait_time
-from gaitopt.diagnose.record.dataset import Trial
+from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.drive import Drive
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.robot import Robot

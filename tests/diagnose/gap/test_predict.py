@@ -10,7 +10,7 @@ import pytest
 from drives import wandering
 
 from gaitopt.diagnose.gap.predict import latest_gait_time, predict_each, predictions
-from gaitopt.diagnose.record.dataset import Trial
+from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.drive import Drive
 from gaitopt.optimise.executors import SerialExecutor, open_executor, working
 from gaitopt.problem.problem import Problem

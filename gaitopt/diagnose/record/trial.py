@@ -1,0 +1,77 @@
+"""A trial: one recording, and what was commanded while it was made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.gait.drive import Drive
+from gaitopt.robot.signals import is_marker, kind_of
+
+Series = NDArray[np.float64]
+"""One number a sample, shape (n,) unless said otherwise."""
+
+Flags = NDArray[np.bool_]
+"""Which samples are concerned, shape (n,)."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One recording.
+
+    Attributes:
+        name: name of the trial.
+        drive: what was commanded.
+        time: time stamps on the recording's own clock, s, shape (n,), never decreasing. Several samples may
+            share one stamp, as in curves read off a plot with vertical lines.
+        signals: measured series, each of shape (n,): ``marker.x|y|z`` in m, of arbitrary origin, and
+            ``joint.NAME`` in rad; NaN where nothing was measured.
+        used: for each signal which samples count, shape (n,): measured, and not masked as a defect.
+        starts_at_s: gait time at the recording's zero, s; None where it is not known.
+        noise_m: standard deviation of the marker's noise, m, if it is known.
+        fps: frames a second, if known.
+        clock_s: standard deviation of the common error of time stamps that had been rounded, s.
+    """
+
+    name: str
+    drive: Drive
+    time: Series
+    signals: Mapping[str, Series]
+    used: Mapping[str, Flags]
+    starts_at_s: float | None = None
+    noise_m: float | None = None
+    fps: float | None = None
+    clock_s: float = 0.0
+
+    @staticmethod
+    def of(name: str, drive: Drive, time: Series, signals: Mapping[str, Series]) -> Trial:
+        """Return a trial in which every finite sample counts."""
+        used = {signal: np.isfinite(series) for signal, series in signals.items()}
+        return Trial(name, drive, time, signals, used)
+
+    @property
+    def frame_s(self) -> float:
+        """Typical time between two samples, s."""
+        steps = np.diff(self.time)
+        return float(np.median(steps[steps > 0.0]))
+
+    @property
+    def markers(self) -> dict[str, Series]:
+        """The marker's coordinates by signal, m."""
+        return {name: series for name, series in self.signals.items() if is_marker(name)}
+
+    def counted(self, signal: str) -> tuple[Series, Series]:
+        """Return time stamps, s, and values of those samples of a signal that count."""
+        keep = self.used[signal]
+        return self.time[keep], self.signals[signal][keep]
+
+    def masked(self, flags: Flags, kind: str | None = None) -> Trial:
+        """Return the trial without some samples, of every signal or of those of one kind."""
+        used = {
+            name: keep & ~flags if kind is None or kind_of(name) == kind else keep
+            for name, keep in self.used.items()
+        }
+        return replace(self, used=used)
