@@ -1,0 +1,10 @@
+"""What a person sees in the terminal."""
+
+from gaitopt.cli.display import _time_left
+from gaitopt.optimise.study import Progress
+
+
+def test_time_left_is_at_the_pace_since_the_search_began_or_resumed() -> None:
+    assert _time_left(Progress(30, 90, "cma-es", None, 0.0), 10, 5.0) == ", about 15 s left"
+    assert _time_left(Progress(10, 90, "cma-es", None, 0.0), 10, 5.0) == ""
+    assert _time_left(Progress(90, 90, "cma-es", None, 0.0), 10, 5.0) == ""

@@ -1,0 +1,19 @@
+"""Pages as the tests read them."""
+
+import re
+from pathlib import Path
+
+
+def page_of(folder: Path, names: set[str]) -> str:
+    """The page of a folder, once it is seen to be whole."""
+    page = (folder / "report.html").read_text()
+    assert {path.stem for path in (folder / "figures").iterdir()} == names
+    assert page.count("<figure>") == page.count("data:image/") == page.count("<figcaption>") == len(names)
+    links = set(re.findall(r'(?:src|href)="(?!data:)(.*?)"', page))
+    anchors = re.findall(r'<section id="(.*?)">', page)
+    assert links == {f"#{anchor}" for anchor in anchors}
+    assert len(anchors) == len(set(anchors)) == page.count("<section")
+    assert "<script" not in page
+    words = re.sub(r'"data:.*?"', "", page.partition("</style>")[2])
+    assert not re.search(r"\d%|\bnan\b|\binf\b|\d{5}\.\d|\d\.\d{5}", words)
+    return page

@@ -1,0 +1,25 @@
+"""The report of a search."""
+
+import json
+from pathlib import Path
+
+from helpers import STRIDER
+from pages import page_of
+from pictures import needs_opengl
+
+from gaitopt.cli import app as cli
+
+
+@needs_opengl
+def test_a_full_report_has_a_film_and_sensitivities(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    assert (
+        cli.main(["optimise", str(STRIDER), "--budget", "4", "--full", "--out", str(folder), "--quiet"]) == 0
+    )
+    names = {"speeds", "position", "periods", "gait", "angles", "convergence", "walk"}
+    names |= {"sensitivity", "sensitivity-model"}
+    page = page_of(folder, names)
+    assert "data:image/webp" in page
+    rows = json.loads((folder / "sensitivity.json").read_text())["rows"]
+    assert {row["kind"] for row in rows} == {"gait", "model"}
+    assert "gaitopt export" in page
