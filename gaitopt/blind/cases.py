@@ -75,8 +75,9 @@ def make_cases(
         settings: how cases are drawn.
 
     Raises:
-        GaitoptError: there is no such gait or signal, or what is to be planted cannot make a gap.
+        GaitoptError: there is no marker, no such gait or signal, or what is to be planted cannot make a gap.
     """
+    problem.require("blind make", "roles.marker")
     factory = CaseFactory.of(problem, request.plan, executor, settings)
     _check_only(factory, request)
     nominal = out / NOMINAL_FOLDER

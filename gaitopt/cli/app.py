@@ -479,7 +479,7 @@ def _open_run(options: argparse.Namespace) -> tuple[Any, Problem, Any]:
     from gaitopt.optimise.run import DEFAULT_BUDGET, Request
     from gaitopt.optimise.study import METHODS
     from gaitopt.runs.run_folder import RunFolder
-    from gaitopt.simulation.objective import check_objective
+    from gaitopt.simulation.objective import check_searchable
 
     if options.resume is not None:
         given = [
@@ -502,7 +502,7 @@ def _open_run(options: argparse.Namespace) -> tuple[Any, Problem, Any]:
         raise GaitoptError(
             f"--method: found {method!r}; allowed: {', '.join(METHODS)}{nearest(method, METHODS)}"
         )
-    check_objective(problem)
+    check_searchable(problem)
     request = Request(seed, budget, method, options.warm_start is not False, bool(options.pareto))
     return RunFolder.create(options.out, problem, request), problem, request
 

@@ -58,14 +58,19 @@ class Walked:
 
 
 def walked_gaits(problem: Problem, corrected: Problem, executor: Executor) -> list[Walked]:
-    """Return baselines, their first wave at other periods, and each robot's best gait, on both robots."""
+    """Return baselines, their first wave at other periods, and each robot's best gait, on both robots.
+
+    There is no best gait without ``[gait]`` and ``[objective]``, and no speed at all without a marker.
+    """
+    if problem.roles.marker is None:
+        return []
     gaits = dict(problem.baselines)
     if gaits:
         first = next(iter(gaits.values()))
         periods = {gait.period_s for gait in gaits.values()}
         gaits |= {f"{first.name} at {p:g} s": first.with_period(p) for p in PERIODS_S if p not in periods}
     starts = [*problem.baselines.values(), *_planned(problem)]
-    if starts:
+    if starts and problem.file.gait and problem.objective:
         gaits["best for the nominal robot"] = _tuned(problem, starts, executor)
         gaits["best for the corrected robot"] = _tuned(corrected, starts, executor)
     before, after = Simulator.build(problem), Simulator.build(corrected)
@@ -81,7 +86,7 @@ def walked_gaits(problem: Problem, corrected: Problem, executor: Executor) -> li
 
 def _planned(problem: Problem) -> list[Gait]:
     """Return the best planned gaits; none where the problem has no planar model, or no plan converges."""
-    if problem.file.planar is None:
+    if problem.file.planar is None or problem.file.gait is None:
         return []
     try:
         elites = Planner(problem, PlanSettings(n_starts=_STARTS, n_elites=_ELITES)).plan().elites

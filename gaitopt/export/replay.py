@@ -85,8 +85,10 @@ def replay(
         settings: from how many starts, and what is worth a warning.
 
     Raises:
-        GaitoptError: the model does not compile or does not fit the problem, or no simulation succeeds.
+        GaitoptError: there is no marker, the model does not compile or does not fit the problem, or no
+            simulation succeeds.
     """
+    problem.require("the replay of an export", "roles.marker")
     starts = _Starts.of(problem, table, executor, settings)
     stages = command_stages(problem, table)
     ideal, replayed = starts.speeds(stages["gait"]), starts.speeds(stages["player"])

@@ -80,7 +80,11 @@ def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Execut
         gaits: the gaits; the first is what the others are compared with.
         seed: seed of the scenarios.
         executor: where the rollouts run.
+
+    Raises:
+        GaitoptError: the problem has no marker, whose speed is compared.
     """
+    problem.require("compare", "roles.marker")
     scenarios = scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS)
     evaluator = Evaluator(RobotSetup.of(problem, scenarios, problem.simulation.working), executor)
     rows: list[ComparedGait] = []

@@ -15,7 +15,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import read_bytes
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
-from gaitopt.simulation.metrics import METRICS
+from gaitopt.simulation.metrics import metric_names
 from gaitopt.simulation.objective import Evaluation
 
 WORKING = "working"
@@ -60,7 +60,7 @@ class Journal:
         self.path = path
         self._space = problem.space
         self._variables = [variable.name for variable in problem.space.variables]
-        self._metrics = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
+        self._metrics = metric_names(problem)
         self._constraints = list(problem.objective.constraints)
         self.columns = [
             *("evaluation", "method", "cost", "status", "constraints_met", "simulated_s", "rung"),

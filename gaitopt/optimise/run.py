@@ -22,7 +22,7 @@ from gaitopt.optimise.study import Progress, Study, quasi_random
 from gaitopt.optimise.verification import Verified, scenarios_of, verify
 from gaitopt.plan.plan import Elite, Plan, Planner, PlanSettings
 from gaitopt.problem.problem import Problem
-from gaitopt.simulation.objective import check_objective
+from gaitopt.simulation.objective import check_searchable
 from gaitopt.simulation.rollout import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 
@@ -123,7 +123,7 @@ def optimise(
         GaitoptError: the request or the objective is wrong, or every gait failed.
     """
     began = time.monotonic()
-    check_objective(problem)
+    check_searchable(problem)
     setting = RobotSetup.of(
         problem, scenarios_of(problem, request.seed, Stream.SEARCH_SCENARIOS), problem.simulation.working
     )

@@ -97,11 +97,13 @@ class Planner:
         """Derive the planar model.
 
         Raises:
-            GaitoptError: the problem has no planar section, or it names parts that do not exist.
+            GaitoptError: the problem has no planar section or no gait space, or the section names parts that
+                do not exist.
         """
         section = problem.file.planar
         if section is None:
             raise GaitoptError(f"{problem.source}: no [planar] section, so nothing can be planned")
+        problem.require("plan", "[gait]")
         self.problem = problem
         self.settings = settings or PlanSettings()
         self.channels = (section.middle, section.rear_foot, section.front_foot)

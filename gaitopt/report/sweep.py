@@ -17,12 +17,16 @@ from gaitopt.simulation.rollout import Simulator
 def write_sweep(path: Path | None, problem: Problem, points: Sequence[SweepPoint]) -> Path:
     """Write the overlaid and the separate plots of a sweep, and return their folder.
 
+    The plots show the marker's path; a problem without a marker has none.
+
     Args:
         path: a new or empty folder; by default a new one.
         problem: the robot.
         points: the problem and the gait at each value, each under a name of its own.
     """
     folder = new_folder(path, f"{problem.name}-sweep")
+    if problem.roles.marker is None:
+        return folder
     simulators = [Simulator.build(point.problem) for point in points]
     gaits = [point.gait for point in points]
     duration = max(s.duration(gait) for s, gait in zip(simulators, gaits, strict=True))

@@ -79,7 +79,10 @@ class Finding:
 def check(
     problem: Problem, executor: Executor, on_step: Callable[[str], None] = lambda _: None
 ) -> list[Finding]:
-    """Return every defect found, the model's first and then gait by gait."""
+    """Return every defect found, the model's first and then gait by gait.
+
+    Chaos, drift and the timestep are judged by the marker, and not at all without one.
+    """
     simulator = Simulator.build(problem)
     findings: list[Finding] = []
     steps: dict[str, Callable[[], Iterator[Finding]]] = {
@@ -184,7 +187,8 @@ def _gaits(simulator: Simulator, executor: Executor) -> Iterator[Finding]:
             yield _diverged(gait.name, f"the simulation {trajectory.status}")
             continue
         yield from _conduct(simulator.problem, gait, trajectory, robot)
-        yield from _chaos(gait, trajectory, other)
+        if simulator.problem.roles.marker:
+            yield from _chaos(gait, trajectory, other)
 
 
 def _conduct(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) -> Iterator[Finding]:
@@ -198,10 +202,12 @@ def _conduct(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot)
         )
         yield Finding("self_collision", gait.name, float(touching.max()), 0.0, message)
     if metrics["airtime"] > AIRTIME:
-        rise = float(trajectory["marker.z"].max() - trajectory["marker.z"].min())
-        message = f"in the air {metrics['airtime']:.0%} of the time; the marker rises by {rise:.3g} m"
+        message = f"in the air {metrics['airtime']:.0%} of the time"
+        if problem.roles.marker:
+            rise = float(trajectory["marker.z"].max() - trajectory["marker.z"].min())
+            message += f"; the marker rises by {rise:.3g} m"
         yield Finding("airtime", gait.name, metrics["airtime"], AIRTIME, message)
-    if metrics["sideways_ratio"] > SIDEWAYS_RATIO:
+    if metrics.get("sideways_ratio", 0.0) > SIDEWAYS_RATIO:
         message = (
             f"drifts sideways at {1e3 * metrics['sideways_m_s']:.3g} mm/s while it goes forward at "
             f"{1e3 * metrics['speed_m_s']:.3g} mm/s"
@@ -234,6 +240,8 @@ def _timestep(problem: Problem, executor: Executor, diverged: Collection[str]) -
 
     Gaits that are known to have diverged are left out.
     """
+    if problem.roles.marker is None:
+        return
     working = problem.simulation.working
     halved = Fidelity(timestep_s=working.timestep_s / 2.0, integrator=working.integrator)
     starts = tuple(Scenario(start_pose_rad=_START_SPREAD_RAD, pose_seed=i) for i in range(_STARTS))

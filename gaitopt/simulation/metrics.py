@@ -35,6 +35,9 @@ METRICS = {
 }
 """Every metric with what it says. ``reached.CHANNEL`` comes beside ``reached``, per channel."""
 
+OF_THE_MARKER = ("speed_m_s", "stride_m", "sideways_m_s", "sideways_ratio", "cost_of_transport")
+"""Metrics of the robot's travel, which a problem without ``roles.marker`` does not have."""
+
 LOADED = 0.05
 """A pad that carries less than this share of the robot's weight does not count as anchored."""
 
@@ -42,6 +45,12 @@ _BOUNCE_S = 0.01
 """Shorter gaps are a contact's chatter: a body in free flight rises g t^2 / 8 = 0.12 mm in them."""
 
 _MAX_RATIO = 10.0
+
+
+def metric_names(problem: Problem) -> list[str]:
+    """Return the names of a problem's metrics, in the order in which `measure` gives them."""
+    left_out = () if problem.roles.marker else OF_THE_MARKER
+    return [*(n for n in METRICS if n not in left_out), *(f"reached.{n}" for n in problem.channel_names)]
 
 
 def measure(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) -> Metrics:
@@ -57,11 +66,11 @@ def measure(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) 
         Metric by name. A trajectory that is not ``ok`` has NaN throughout.
     """
     if trajectory.status != "ok":
-        return dict.fromkeys([*METRICS, *(f"reached.{name}" for name in gait.channels)], math.nan)
+        return dict.fromkeys(metric_names(problem), math.nan)
     transient, measured = problem.simulation.horizon.cycles(gait.period_s)
     begin, end = transient * gait.period_s, (transient + measured) * gait.period_s
     window = slice(*np.searchsorted(trajectory.time, (begin - 1e-9, end - 1e-9)).tolist())
-    travel = _travel(problem, trajectory, begin, end)
+    travel = _travel(problem, trajectory, begin, end) if problem.roles.marker else (math.nan, math.nan)
     speed, sideways = travel[0] / (end - begin), travel[1] / (end - begin)
     reached = _reached(gait, trajectory, window)
     torque = trajectory.stacked("torque")[window]
@@ -89,7 +98,8 @@ def measure(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) 
         "command_speed_ratio": float(peaks.max(initial=0.0)),
         "reached": min(reached.values(), default=1.0),
     }
-    return values | {f"reached.{name}": share for name, share in reached.items()}
+    values |= {f"reached.{name}": share for name, share in reached.items()}
+    return {name: values[name] for name in metric_names(problem)}
 
 
 def mean_metrics(rows: list[Metrics]) -> Metrics:

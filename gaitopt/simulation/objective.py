@@ -10,13 +10,14 @@ import numpy as np
 
 from gaitopt.core.errors import unknown_name
 from gaitopt.problem.problem import Problem
-from gaitopt.problem.records import Constraint
-from gaitopt.simulation.metrics import METRICS, Metrics, mean_metrics
+from gaitopt.problem.records import Constraint, Objective
+from gaitopt.simulation.metrics import Metrics, mean_metrics, metric_names
 
 FAILED_COST = 1e6
 """Cost of a gait whose simulation failed: worse than anything that a robot can do."""
 
 _WORST_VIOLATION = 1e3
+_NO_OBJECTIVE = Objective(terms={})
 
 
 @dataclass(frozen=True)
@@ -43,16 +44,28 @@ class Evaluation:
 
 
 def check_objective(problem: Problem) -> None:
-    """Check that every term and constraint is a metric.
+    """Check that every term and constraint is a metric; a problem without ``[objective]`` has none.
 
     Raises:
         GaitoptError: a name is not a metric.
     """
-    known = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
+    if problem.objective is None:
+        return
+    known = metric_names(problem)
     for key in ("terms", "constraints"):
         for name in getattr(problem.objective, key):
             if name not in known:
                 raise unknown_name(f"{problem.source}: objective.{key}", "metric", name, known)
+
+
+def check_searchable(problem: Problem) -> None:
+    """Check that gaits of a problem can be searched for: bounds, aims, and a marker whose travel counts.
+
+    Raises:
+        GaitoptError: an optional part that a search needs is missing, or the objective names no metric.
+    """
+    problem.require("optimise", "[gait]", "[objective]", "roles.marker")
+    check_objective(problem)
 
 
 def evaluate(
@@ -63,7 +76,8 @@ def evaluate(
     The cost is the weighted sum of the mean metrics plus, for each constraint, the problem's penalty
     times the violation by the mean metric, in units of the constraint's scale. Where the problem asks
     for the worst scenario or a quantile, it is that of the weighted sums of the scenarios, plus the
-    penalty times that of each constraint's violations.
+    penalty times that of each constraint's violations. Without ``[objective]`` the cost is 0, and nothing
+    is violated.
 
     Args:
         problem: the problem, for its objective.
@@ -71,7 +85,7 @@ def evaluate(
         statuses: status of each scenario.
         margin: share by which every limit is tightened.
     """
-    objective = problem.objective
+    objective = problem.objective or _NO_OBJECTIVE
     failed = next((status for status in statuses if status != "ok"), None)
     if failed is not None:
         return Evaluation(FAILED_COST, mean_metrics(list(rows)), {}, failed)

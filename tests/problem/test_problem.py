@@ -74,7 +74,11 @@ BAD_FILES = {
         "parameters.k_servo.unti: unknown key; allowed: value, unit, origin, sets (nearest: 'unit')",
     ),
     "no roles": ("[roles]", "[rolls]", "roles: missing; it is required (and 1 more)"),
-    "no marker": ('marker = "nose"\n', "", "roles.marker: missing; it is required"),
+    "no amplitudes to search": (
+        "amplitude_deg = [0.0, 60.0]\n",
+        "",
+        "channels.rear.amplitude_deg: missing; [gait] needs it",
+    ),
     "not TOML": ("[roles]", "[roles", "not TOML: "),
     "duty outside": (
         "duty = 0.4",

@@ -96,6 +96,8 @@ def propose(
 ) -> Experiment | None:
     """Return the gait, none of those measured, that tells most; None where nothing is to be told apart.
 
+    Without ``[gait]`` there are no gaits to search among, and the answer is None too.
+
     Args:
         simulator: the nominal robot, whose problem's gaits are searched.
         found: the diagnosis so far.
@@ -106,7 +108,7 @@ def propose(
     """
     candidates, chances = _candidates(found)
     names = [" + ".join(candidate.names) for candidate in candidates]
-    if len(set(names)) < 2:
+    if len(set(names)) < 2 or simulator.problem.file.gait is None:
         return None
     problem = simulator.problem
     robots = [

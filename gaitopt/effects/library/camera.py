@@ -49,6 +49,7 @@ CAMERA_SCALE = Effect(
         "log-normal", 1.0, 0.03, "a ruler some mm behind the robot's plane, 0.5 m from a phone; lens shading"
     ),
     allowed=(0.0, math.inf),
+    role="marker",
     observe=_scale,
 )
 
@@ -72,5 +73,6 @@ CAMERA_TILT = Effect(
     high=0.15,
     scale="lin",
     prior=Prior("normal", 0.0, 0.03, "a phone on a stand, level by eye: within 2 degrees"),
+    role="marker",
     observe=_tilt,
 )

@@ -46,5 +46,6 @@ MARKER_OUTLIERS = Effect(
     prior=Prior("half-normal", 0.0, 0.02, "automatic trackers lose a marker for a few frames in a hundred"),
     allowed=(0.0, 1.0),
     found_in_record=True,
+    role="marker",
     observe=_jump,
 )

@@ -72,6 +72,7 @@ def take(simulator: Simulator, drive: Drive, duration: float | None = None) -> T
     Raises:
         GaitoptError: the simulation failed.
     """
+    simulator.problem.require("a film", "roles.marker")
     length = max(simulator.duration(drive), duration or 0.0)
     trajectory = simulator.run(drive, duration=length, poses=True)
     if trajectory.status != "ok":
