@@ -70,7 +70,7 @@ def walked_gaits(problem: Problem, corrected: Problem, executor: Executor) -> li
         periods = {gait.period_s for gait in gaits.values()}
         gaits |= {f"{first.name} at {p:g} s": first.with_period(p) for p in PERIODS_S if p not in periods}
     starts = [*problem.baselines.values(), *_planned(problem)]
-    if starts and problem.file.gait and problem.objective:
+    if starts and problem.file.gait and problem.file.objective:
         gaits["best for the nominal robot"] = _tuned(problem, starts, executor)
         gaits["best for the corrected robot"] = _tuned(corrected, starts, executor)
     before, after = Simulator.build(problem), Simulator.build(corrected)

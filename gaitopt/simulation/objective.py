@@ -49,7 +49,7 @@ def check_objective(problem: Problem) -> None:
     Raises:
         GaitoptError: a name is not a metric.
     """
-    if problem.objective is None:
+    if problem.file.objective is None:
         return
     known = metric_names(problem)
     for key in ("terms", "constraints"):
@@ -85,7 +85,7 @@ def evaluate(
         statuses: status of each scenario.
         margin: share by which every limit is tightened.
     """
-    objective = problem.objective or _NO_OBJECTIVE
+    objective = problem.file.objective or _NO_OBJECTIVE
     failed = next((status for status in statuses if status != "ok"), None)
     if failed is not None:
         return Evaluation(FAILED_COST, mean_metrics(list(rows)), {}, failed)
