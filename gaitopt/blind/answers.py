@@ -8,7 +8,8 @@ from pydantic import BaseModel, ConfigDict
 
 from gaitopt.blind.sealed import SEALED_FOLDER, Truth, read_truth
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.files import read_json, validated
+from gaitopt.core.files import read_json
+from gaitopt.core.validation import validated
 
 TIED = 0.995
 """Effects whose whitened signatures have this cosine are told apart by no likelihood."""

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
-from gaitopt.core.files import read_json, validated, write_text
+from gaitopt.core.files import read_json, write_text
+from gaitopt.core.validation import validated
 
 SEALED_FOLDER = "sealed"
 """Where a folder of cases keeps their truth; nothing but `gaitopt blind score` reads it."""

@@ -10,25 +10,11 @@ import tempfile
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, TypeVar, Union, get_origin
+from typing import Any
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ValidationError
 
-from gaitopt.core.errors import GaitoptError, found, nearest
-
-Record = TypeVar("Record", bound=BaseModel)
-
-
-def _shown(name: str) -> str:
-    if not name.isprintable():
-        raise ValueError(f"found {found(name)}; allowed: a name without control characters")
-    return name
-
-
-Name = Annotated[str, AfterValidator(_shown)]
-"""A name out of a file, which is printed on a terminal and drawn."""
+from gaitopt.core.errors import GaitoptError
 
 
 def read_text(path: Path) -> str:
@@ -149,61 +135,3 @@ def csv_text(columns: dict[str, np.ndarray]) -> str:
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
     return "\n".join(lines) + "\n"
-
-
-def validated(record: type[Record], values: object, source: object) -> Record:
-    """Return `values` as a checked record.
-
-    Raises:
-        GaitoptError: one line that names the file, the first wrong key, what was found and what is
-            allowed, and how many more are wrong.
-    """
-    try:
-        return record.model_validate(values)
-    except ValidationError as error:
-        raise GaitoptError(_first_problem(error, record, source)) from None
-
-
-def _first_problem(error: ValidationError, record: type[BaseModel], source: object) -> str:
-    problems = error.errors(include_url=False)
-    first = problems[0]
-    key = ".".join(str(part) for part in first["loc"]) or "file"
-    if first["type"] == "missing":
-        text = f"{key}: missing; it is required"
-    elif first["type"] == "extra_forbidden":
-        siblings = _fields_at(record, first["loc"][:-1])
-        known = f"; allowed: {', '.join(siblings)}" if siblings else ""
-        text = f"{key}: unknown key{known}{nearest(first['loc'][-1], siblings)}"
-    elif first["type"] == "value_error":
-        text = f"{key}: {first['ctx']['error']}"
-    else:
-        allowed = first["msg"].replace("Input should be ", "")
-        text = f"{key}: found {found(first['input'])}; allowed: {allowed}"
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return f"{source}: {text}{more}"
-
-
-def _fields_at(record: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
-    """Return the keys that the nested record at `location` accepts, as far as they can be told."""
-    current: Any = record
-    for part in location:
-        if _is_record(current):
-            fields = current.model_fields.items()
-            current = next((f.annotation for n, f in fields if part in (n, f.alias)), None)
-        else:  # a key of a dictionary of records
-            current = next(iter(getattr(current, "__args__", ())[1:]), None)
-        current = _without_none(current)
-    if not _is_record(current):
-        return []
-    return [field.alias or name for name, field in current.model_fields.items()]
-
-
-def _is_record(annotation: Any) -> bool:
-    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
-
-
-def _without_none(annotation: Any) -> Any:
-    """Return the type in `type | None`."""
-    if get_origin(annotation) in (Union, UnionType):
-        return next((part for part in annotation.__args__ if part is not type(None)), None)
-    return annotation

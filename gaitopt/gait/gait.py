@@ -19,7 +19,8 @@ import tomli_w
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from gaitopt.core.files import read_toml, validated, write_text
+from gaitopt.core.files import read_toml, write_text
+from gaitopt.core.validation import validated
 
 EDGE_TOLERANCE = 1e-9
 """Periods: a time this close before an edge counts as after it (clocks are sums of rounded steps)."""

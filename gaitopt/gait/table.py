@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from gaitopt.core.errors import GaitoptError, bad_value
-from gaitopt.core.files import read_text, validated
+from gaitopt.core.files import read_text
+from gaitopt.core.validation import validated
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Gait
 

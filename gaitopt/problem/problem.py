@@ -11,7 +11,8 @@ from typing import Any, Literal, TypeVar
 import tomli_w
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.core.files import read_toml, validated
+from gaitopt.core.files import read_toml
+from gaitopt.core.validation import validated
 from gaitopt.effects.active import ActiveEffect, Values, active_effects
 from gaitopt.gait.gait import Gait, read_gait
 from gaitopt.gait.space import GaitSpace

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from gaitopt.core.errors import unknown_name
-from gaitopt.core.files import Name
+from gaitopt.core.validation import Name
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Channel
 from gaitopt.gait.space import ChannelSpace

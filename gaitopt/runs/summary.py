@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
-from gaitopt.core.files import read_json, validated
+from gaitopt.core.files import read_json
+from gaitopt.core.validation import validated
 from gaitopt.optimise.ladder import Rung
 from gaitopt.optimise.pareto import FrontGait, speed, transport
 from gaitopt.optimise.run import Optimised

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.files import validated
+from gaitopt.core.validation import validated
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.records import Objective, ProblemFile

@@ -11,8 +11,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.core.files import Name, inside, read_toml, validated
+from gaitopt.core.files import inside, read_toml
 from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
+from gaitopt.core.validation import Name, validated
 from gaitopt.diagnose.record.tables import TextTable, read_csv
 from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.gait.drive import Drive

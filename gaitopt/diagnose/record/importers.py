@@ -13,9 +13,10 @@ import tomli_w
 from numpy.typing import ArrayLike, NDArray
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.core.files import csv_text, validated, write_text
+from gaitopt.core.files import csv_text, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
+from gaitopt.core.validation import validated
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import DATASET_FILE, DataSetFile
 from gaitopt.diagnose.record.defects import Defect, counted, spans_of
