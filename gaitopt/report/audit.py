@@ -14,7 +14,7 @@ from gaitopt.report.figures import audit as audit_figures
 from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.page import Page, Picture, Section, Table, save_figures
 from gaitopt.report.rollouts import rollouts
-from gaitopt.report.words import names_of
+from gaitopt.report.words import fidelity_text, names_of
 from gaitopt.runs.folder import new_folder, write_into
 from gaitopt.simulation.check import REMEDIES, Finding
 from gaitopt.simulation.rollout import Simulator
@@ -37,7 +37,7 @@ def write_audit(path: Path, problem: Problem, findings: Sequence[Finding]) -> Pa
             "Checked": "rest at the start, inert parameters, self-collision, airtime, drift, chaos, timestep "
             "and servos that do not follow",
             "Gaits": ", ".join(problem.baselines) or "none",
-            "Simulated": f"at {figure(working.timestep_s)} s, {working.integrator}",
+            "Simulated": fidelity_text(working.timestep_s, working.integrator),
         },
         sections=[
             *([Section("What to do", table=_remedy_table(findings))] if findings else []),

@@ -16,7 +16,7 @@ from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.tables import metric_table
-from gaitopt.report.words import constraints_text, interval_text, scenario_rule, verdicts
+from gaitopt.report.words import constraints_text, fidelity_text, interval_text, scenario_rule, verdicts
 from gaitopt.runs.folder import new_folder, write_into
 from gaitopt.simulation.rollout import Simulator
 
@@ -42,7 +42,7 @@ def write_comparison(
             "Gaits": ", ".join(names),
             "Scenarios": f"{problem.file.scenarios.verification} of {problem.name}, seed {seed}, the same "
             f"for each gait{scenario_rule(problem.objective)}",
-            "Simulated": f"at {figure(working.timestep_s)} s, {working.integrator}",
+            "Simulated": fidelity_text(working.timestep_s, working.integrator),
         },
         sections=[
             Section("Over the same scenarios", table=_speed_table(rows)),

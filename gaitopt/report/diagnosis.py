@@ -20,15 +20,15 @@ from gaitopt.diagnose.words import answer, explanation, what_it_tells
 from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import diagnosis as diagnosis_plots
 from gaitopt.report.figures import gait as gait_plots
-from gaitopt.report.page import Page, Picture, Section, Table, folded, image_section, save_figures
+from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
+from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.tables import gait_table
+from gaitopt.report.words import robot_text
 from gaitopt.robot.signals import unit_of
 from gaitopt.runs.folder import write_into
 from gaitopt.simulation.rollout import Simulator
 
 _SHOWN_EFFECTS = 8
-_FILM_S = 3.0
-"""The film shows whole cycles that last at least this long."""
 
 _VERDICTS = {
     "no_gap": "no gap",
@@ -61,13 +61,13 @@ def write_page(
     """
     content = diagnosis.to_dict()
     after = _after(corrected, diagnosis, executor) if corrected and executor else None
-    films, notes = _film(folder, problem, corrected, diagnosis) if full else ([], [])
+    film = _film(folder, problem, corrected, diagnosis) if full else FilmPart()
     page = Page(
         title=f"{problem.name}: measured against simulated",
         answer=answer(diagnosis),
         asked=_asked(problem, diagnosis),
         tiles=_tiles(content),
-        notes=notes,
+        notes=film.notes,
         sections=[
             *([Section("Which effect", table=_effects_table(content))] if content["effects"] else []),
             *(
@@ -76,7 +76,7 @@ def write_page(
                 else []
             ),
             *save_figures(folder, _cause_pictures(diagnosis)),
-            *films,
+            *film.sections,
             *save_figures(folder, _trial_pictures(diagnosis, after)),
             *save_figures(folder, _gap_pictures(diagnosis)),
             *([Section("Largest parts of the gap", table=_where_table(content))] if content["where"] else []),
@@ -102,7 +102,7 @@ def _after(corrected: Problem, diagnosis: Diagnosis, executor: Executor) -> list
 
 def _asked(problem: Problem, diagnosis: Diagnosis) -> dict[str, str]:
     return {
-        "Robot": f"{problem.name}{': ' * bool(problem.file.description)}{problem.file.description}",
+        "Robot": robot_text(problem),
         "Data set": diagnosis.source,
         "Trials": ", ".join(map(_trial, diagnosis.trials)),
         "Simulated": f"at {figure(diagnosis.fidelity['timestep_s'])} s, {diagnosis.fidelity['integrator']}, "
@@ -202,31 +202,29 @@ def _gap_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
     }
 
 
-def _film(
-    folder: Path, problem: Problem, corrected: Problem | None, diagnosis: Diagnosis
-) -> tuple[list[Section], list[str]]:
-    """Film the trial with the largest gap beside the measured marker; where that cannot be, say why."""
+def _film(folder: Path, problem: Problem, corrected: Problem | None, diagnosis: Diagnosis) -> FilmPart:
+    """Film the trial with the largest gap beside the measured marker."""
     from gaitopt.report.film.film import write_film
     from gaitopt.report.film.take import take_beside
 
     trial = max(diagnosis.trials, key=_worst).aligned.trial
     robots = {"nominal": problem} | ({"corrected": corrected} if corrected else {})
-    length = trial.drive.block_s * max(1, round(_FILM_S / trial.drive.block_s))
-    try:
-        takes = [
-            take_beside(Simulator.build(robot), trial, length).named(f"{trial.drive.name}, {name}")
-            for name, robot in robots.items()
-        ]
-        begin = max(0.0, *(float(shown.ghost.time[0]) for shown in takes if shown.ghost))
-        path = write_into(folder, "figures/film.webp", lambda f: write_film(f, takes, begin, begin + length))
-    except GaitoptError as error:
-        return [], [f"No film: {error}"]
+    length = film_on_page_s(trial.drive.block_s)
     caption = (
         f"Trial {trial.name}: the robot as simulated, nominal"
         + (" and corrected" if corrected else "")
         + ", beside the measured marker. Marker and ghost start together; what they drift apart is the gap."
     )
-    return [image_section("Measured beside simulated, filmed", path.read_bytes(), "webp", caption)], []
+
+    def write(path: Path) -> None:
+        takes = [
+            take_beside(Simulator.build(robot), trial, length).named(f"{trial.drive.name}, {name}")
+            for name, robot in robots.items()
+        ]
+        begin = max(0.0, *(float(shown.ghost.time[0]) for shown in takes if shown.ghost))
+        write_film(path, takes, begin, begin + length)
+
+    return film_part(folder, "film", "Measured beside simulated, filmed", caption, write)
 
 
 def _worst(trial: TrialGap) -> float:

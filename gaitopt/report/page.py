@@ -143,7 +143,7 @@ def folded(section: Section) -> Section:
 
 
 def png(figure: Figure) -> bytes:
-    """Return a figure as a PNG file for print; the same figure gives the same bits."""
+    """Return a figure as a PNG file for print; the same figure gives exactly the same file."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=defaults.DEFAULT.dpi, metadata={"Software": None})
     plt.close(figure)  # of figures that pyplot keeps

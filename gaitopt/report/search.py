@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
 from gaitopt.core.quantities import figure, title_of
@@ -15,16 +14,23 @@ from gaitopt.optimise.run import Optimised
 from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, Sensitivity
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
-from gaitopt.report import settings as defaults
 from gaitopt.report.figures import comparison as comparison_figures
 from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.figures import search as search_figures
-from gaitopt.report.page import Page, Picture, Section, Table, folded, image_section, save_figures
+from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
+from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.tables import gait_table, metric_table
-from gaitopt.report.words import answer_of, constraints_text, interval_text, names_of, scenario_rule
+from gaitopt.report.words import (
+    answer_of,
+    constraints_text,
+    fidelity_text,
+    interval_text,
+    names_of,
+    robot_text,
+    scenario_rule,
+)
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.runs.folder import write_into
 from gaitopt.runs.run_folder import RunFolder
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.rollout import Simulator
@@ -50,7 +56,7 @@ def write_report(
         sensitive: the sensitivities of its speed, where they were asked for.
     """
     simulator, summary = Simulator.build(problem), Summary.of(problem, optimised)
-    films, notes = _film(folder.path, simulator, optimised, summary) if full else ([], [])
+    film = _film(folder.path, simulator, optimised, summary) if full else FilmPart()
     pictures = _pictures(simulator, optimised, summary) | _sensitivity_pictures(sensitive)
     if sensitive:
         rows = [asdict(one) for one in sensitive]
@@ -60,9 +66,9 @@ def write_report(
         answer=answer_of(summary),
         asked=_asked(problem, summary),
         tiles=_tiles(summary),
-        notes=[*summary.notes, *notes],
+        notes=[*summary.notes, *film.notes],
         sections=[
-            *films,
+            *film.sections,
             Section("Optimised against hand-tuned", table=_speed_table(summary)),
             *save_figures(folder.path, pictures),
             Section("The optimised gait", table=gait_table(optimised.best.gait, "best.toml")),
@@ -166,10 +172,8 @@ def _sensitivity_caption(numbers: str, step: str, lesson: str) -> str:
     )
 
 
-def _film(
-    folder: Path, simulator: Simulator, optimised: Optimised, summary: Summary
-) -> tuple[list[Section], list[str]]:
-    """Film the winner beside the fastest baseline; where there can be no film, say why."""
+def _film(folder: Path, simulator: Simulator, optimised: Optimised, summary: Summary) -> FilmPart:
+    """Film the winner beside the fastest baseline, after the transient."""
     from gaitopt.report.film.film import write_film
     from gaitopt.report.film.take import take
 
@@ -177,20 +181,18 @@ def _film(
     fastest = summary.fastest_baseline
     if fastest is not None:
         gaits.append(simulator.problem.baselines[fastest.name])
-    period = max(gait.period_s for gait in gaits)
     begin = simulator.problem.simulation.horizon.transient_s
-    end = begin + period * max(1, round(defaults.DEFAULT.film_s / period))
-    try:
-        takes = [take(simulator, gait, end) for gait in gaits]
-        path = write_into(folder, "figures/walk.webp", lambda file: write_film(file, takes, begin, end))
-    except GaitoptError as error:
-        return [], [f"No film: {error}"]
+    end = begin + film_on_page_s(max(gait.period_s for gait in gaits))
     beside = " beside the fastest hand-tuned gait" if fastest is not None else ""
     caption = (
         f"The optimised gait{beside}, on the nominal robot, after the transient. The speed is that of this "
         "rollout alone. The camera follows the robot; the stripes on the ground stand still."
     )
-    return [image_section("Film of the gait", path.read_bytes(), "webp", caption)], []
+
+    def write(path: Path) -> None:
+        write_film(path, [take(simulator, gait, end) for gait in gaits], begin, end)
+
+    return film_part(folder, "walk", "Film of the gait", caption, write)
 
 
 # --- what is asked and answered -----------------------------------------------------------------
@@ -201,14 +203,14 @@ def _asked(problem: Problem, summary: Summary) -> dict[str, str]:
     terms = (f"{'more' if w < 0.0 else 'less'} {title_of(name)}" for name, w in objective.terms.items())
     started = "from planned gaits" if summary.warm_start else "without planned gaits"
     return {
-        "Robot": f"{problem.name}{': ' * bool(problem.file.description)}{problem.file.description}",
+        "Robot": robot_text(problem),
         "Objective": f"{', '.join(terms)}{scenario_rule(objective)}",
         "Limits on": names_of(objective.constraints) or "nothing",
         "Search": f"{summary.evaluations} gaits, method {summary.method}, started {started}, seed "
         f"{summary.seed}; {summary.simulated_s:.0f} s simulated in {summary.wall_s:.0f} s",
         "Fidelity ladder": _ladder_text(summary.fidelity_ladder),
-        "Verified": f"over {verified.scenarios} scenarios that the search did not use, at "
-        f"{figure(verified.timestep_s)} s, {verified.integrator}",
+        "Verified": f"over {verified.scenarios} scenarios that the search did not use, "
+        f"{fidelity_text(verified.timestep_s, verified.integrator)}",
     }
 
 

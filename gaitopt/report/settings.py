@@ -49,7 +49,7 @@ class ReportSettings:
 
     Attributes:
         dpi: pixels per inch of a figure. A figure is 6 inches wide: 240 is enough for print.
-        film_s: a film on a page shows whole cycles that last at least this long, s.
+        film_s: a film on a page shows whole cycles, one at least, that last about this long, s.
         film: how films look.
     """
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from gaitopt.core.quantities import title_of
+from gaitopt.core.quantities import figure, title_of
 from gaitopt.optimise.compare import ComparedGait
+from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Objective
 from gaitopt.runs.summary import GaitRow, Summary
 
@@ -49,6 +50,17 @@ def _verdict(row: ComparedGait, first: str) -> str:
         f"{row.name} is {'faster' if difference > 0.0 else 'slower'} than {first} by "
         f"{abs(difference):.2f} mm/s (90 % interval {low:.2f} to {high:.2f}){times}: more than noise."
     )
+
+
+def robot_text(problem: Problem) -> str:
+    """Return the name of a problem, with its description."""
+    description = problem.file.description
+    return f"{problem.name}: {description}" if description else problem.name
+
+
+def fidelity_text(timestep_s: float, integrator: str) -> str:
+    """Return with which timestep and integrator something is simulated."""
+    return f"at {figure(timestep_s)} s, {integrator}"
 
 
 def names_of(metrics: Iterable[str]) -> str:

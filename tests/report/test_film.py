@@ -17,8 +17,9 @@ from gaitopt.problem.problem import Problem
 from gaitopt.report.film.film import film_length, frames, loop_rate, write_film
 from gaitopt.report.film.ghost import trial_of
 from gaitopt.report.film.gl import open_context
+from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
 from gaitopt.report.film.take import Take, take, take_beside
-from gaitopt.report.settings import FilmSettings
+from gaitopt.report.settings import FilmSettings, ReportSettings
 from gaitopt.simulation.rollout import Simulator
 
 SMALL = FilmSettings(size=(160, 90), fps=10.0, loop_size=(80, 46), loop_rates=(10.0, 12.5, 20.0))
@@ -200,3 +201,17 @@ def test_a_back_end_that_fails_does_not_stop_the_next(monkeypatch: pytest.Monkey
         with pytest.raises(GaitoptError):
             open_context(8, 8)
     open_context(8, 8).free()
+
+
+def test_a_page_says_why_it_has_no_film(tmp_path: Path) -> None:
+    def write(path: Path) -> None:
+        path.write_text("half a film")
+        raise GaitoptError("no light")
+
+    assert film_part(tmp_path, "walk", "Film", "Darkness.", write) == FilmPart(notes=("No film: no light",))
+    assert not list((tmp_path / "figures").iterdir())
+
+
+def test_a_film_on_a_page_shows_whole_cycles() -> None:
+    settings = ReportSettings(film_s=3.0)
+    assert [film_on_page_s(period, settings) for period in (0.5, 2.0, 4.0)] == [3.0, 4.0, 4.0]
