@@ -24,7 +24,7 @@ from gaitopt.diagnose.judge.experiment import Experiment, propose
 from gaitopt.diagnose.record.cleaning import Cleaned, clean
 from gaitopt.diagnose.record.cycles import steady_from
 from gaitopt.diagnose.record.dataset import DataSet
-from gaitopt.diagnose.record.defects import Defect
+from gaitopt.diagnose.record.defect import Defect
 from gaitopt.effects import EFFECTS
 from gaitopt.robot.signals import is_marker, unit_of
 from gaitopt.simulation.rollout import Simulator

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gaitopt.diagnose.gap.align import align
 from gaitopt.diagnose.gap.mismatches import mismatches
 from gaitopt.diagnose.record.cleaning import clean
-from gaitopt.diagnose.record.defects import noise_of
+from gaitopt.diagnose.record.noise import noise_of
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.robot.trajectory import Trajectory

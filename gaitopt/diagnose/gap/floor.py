@@ -19,7 +19,7 @@ from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.gap.align import Aligned, align
 from gaitopt.diagnose.gap.predict import predict_each
 from gaitopt.diagnose.record.cycles import Cycles, cycle_means, steady, steady_from
-from gaitopt.diagnose.record.defects import noise_of
+from gaitopt.diagnose.record.noise import noise_of
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.problem.records import Fidelity
 from gaitopt.robot.signals import is_marker

@@ -8,7 +8,8 @@ import numpy as np
 
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.record.cycles import Cycles, steady
-from gaitopt.diagnose.record.defects import Defect, block_range, markers
+from gaitopt.diagnose.record.defect import Defect
+from gaitopt.diagnose.record.noise import block_range
 from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.robot.signals import name_of
 from gaitopt.robot.trajectory import Trajectory
@@ -38,12 +39,12 @@ def mismatches(aligned: Aligned, transient: float) -> Iterator[Defect]:
     """
     trial, simulated = aligned.trial, aligned.simulated
     for check in (_frame_rate, _unit):
-        found = [check(trial, simulated, name) for name in markers(trial)]
+        found = [check(trial, simulated, name) for name in trial.markers]
         defects = [defect for defect in found if defect is not None]
         if 2 * len(defects) > len(found):
             yield defects[0]
             return
-    for name in markers(trial):
+    for name in trial.markers:
         if _is_reversed(aligned, name, transient):
             axis = name_of(name)
             message = (

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from gaitopt.diagnose.gap.align import Aligned, without_line
 from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.record.cycles import PHASES, Cycles, cycle_means, shifted, steady
-from gaitopt.diagnose.record.defects import noise_of
+from gaitopt.diagnose.record.noise import noise_of
 from gaitopt.robot.signals import unit_of
 
 Series = NDArray[np.float64]

@@ -19,7 +19,7 @@ from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
 from gaitopt.core.validation import validated
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import DATASET_FILE, DataSetFile
-from gaitopt.diagnose.record.defects import Defect, counted, spans_of
+from gaitopt.diagnose.record.defect import Defect, counted, spans_of
 from gaitopt.diagnose.record.tables import read_rows, table
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.robot.signals import measured_column_of
