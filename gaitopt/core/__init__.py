@@ -1,1 +1,1 @@
-"""What every other part stands on: errors, files, units and quantities."""
+"""What every other package uses: errors, files, folders, units, quantities and random streams."""

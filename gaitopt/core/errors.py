@@ -1,4 +1,4 @@
-"""Stated problems: every one is a single line that says what was found and what is allowed."""
+"""Errors that a user can act on: one line each, with what was found and what is allowed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 
 class _Short(reprlib.Repr):
-    """Values as a message quotes them: Python itself prints no number of more than 4300 digits."""
+    """Values as a message quotes them. Python refuses to print integers of more than 4300 digits."""
 
     def repr_int(self, x: int, level: int) -> str:
         return super().repr_int(x, level) if x.bit_length() < 10_000 else "a number of thousands of digits"
@@ -19,9 +19,10 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 200
 
 
 class GaitoptError(Exception):
-    """A problem the user can act on; its text is one line, and the command line exits with 1.
+    """A problem that the user can act on. Its text is one line, and the command line exits with 1.
 
-    Names from files stand in it: what is no letter, and could move a terminal's cursor, is escaped.
+    The text may quote names from files. Characters that are not printable, and could move a terminal's
+    cursor, are escaped.
     """
 
     def __init__(self, message: str):
@@ -30,7 +31,7 @@ class GaitoptError(Exception):
 
 
 def found(value: object) -> str:
-    """Return a value as a message quotes it: not without end, however long or deep it is."""
+    """Return a value as a message quotes it: shortened, however long or deep it is."""
     return _SHORT.repr(value)
 
 
@@ -48,7 +49,7 @@ def bad_value(
 
 
 def unknown_name(source: object, what: str, name: object, options: Iterable[str]) -> GaitoptError:
-    """Return the error for a name that does not exist: what exists, and the nearest of it."""
+    """Return the error for a name that does not exist: it lists those that do, and the nearest."""
     options = list(options)
     listed = ", ".join(options) if options else "none"
     return GaitoptError(

@@ -1,4 +1,4 @@
-"""Reading and writing whole files: nothing is ever left half-written."""
+"""Reading and writing whole files. A file is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file.
 
     Raises:
-        GaitoptError: the file is missing, unreadable or not UTF-8, or changed meanwhile.
+        GaitoptError: the file is missing, unreadable or not UTF-8, or it changed while it was read.
     """
     try:
         return io.TextIOWrapper(io.BytesIO(_content(path)), encoding="utf-8-sig").read()
@@ -37,7 +37,7 @@ def read_bytes(path: Path) -> bytes:
     """Return the content of a file.
 
     Raises:
-        GaitoptError: the file is missing or unreadable, or changed meanwhile.
+        GaitoptError: the file is missing or unreadable, or it changed while it was read.
     """
     try:
         return _content(path)
@@ -46,7 +46,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def _content(path: Path) -> bytes:
-    """Return what a file holds, all of it from one moment as far as the system tells."""
+    """Return the content of a file, and check by size and time stamp that it did not change meanwhile."""
     with path.open("rb") as file:
         before = os.fstat(file.fileno())
         data = file.read()
@@ -66,7 +66,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     text = read_text(path)
     try:
         return tomllib.loads(text)
-    except ValueError as error:  # TOMLDecodeError is one; a number of 5000 digits raises another
+    except ValueError as error:  # a TOMLDecodeError, or another for a number of 5000 digits
         raise GaitoptError(f"{path}: not TOML: {error}") from None
     except RecursionError:
         raise GaitoptError(f"{path}: not TOML: nested too deep") from None
@@ -88,17 +88,17 @@ def read_json(path: Path) -> Any:
 
 
 def inside(folder: Path, name: str) -> Path | None:
-    """Return the path of a file that another one names, or None where it lies outside their folder."""
+    """Return the path of a file that another file names, or None where it is not in the same folder."""
     try:
         path = folder / name
-        path.exists()  # which says if the name is too long
+        path.exists()  # raises if the name is too long
         return path if path.resolve().is_relative_to(folder.resolve()) else None
-    except (ValueError, RuntimeError, OSError):  # a null byte; links in a circle; a name without end
+    except (ValueError, RuntimeError, OSError):  # a null byte, links in a circle, a name that is too long
         return None
 
 
 def write_with(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a temporary file beside `path`, then rename it into place.
+    """Write a file through `write`, which fills a temporary file beside it that is then renamed.
 
     Raises:
         GaitoptError: the folder or file cannot be written.
@@ -118,10 +118,10 @@ def write_with(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all.
+    """Write a text file completely or not at all.
 
     Raises:
-        GaitoptError: it cannot be written, or holds the name of a file that is no Unicode text.
+        GaitoptError: it cannot be written, or it has the name of a file that is not Unicode text.
     """
     try:
         data = text.encode()
@@ -131,7 +131,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def csv_text(columns: dict[str, np.ndarray]) -> str:
-    """Return a CSV table of equally long columns, with shortest round-trip floats."""
+    """Return a CSV table of columns of equal length, each float with as few digits as read back the same."""
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
     return "\n".join(lines) + "\n"

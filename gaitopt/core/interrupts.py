@@ -1,4 +1,4 @@
-"""Ctrl-C, held back where it would be lost or spoil a result instead of ending the program."""
+"""Ctrl-C, delayed where it would be lost, or would change a result instead of ending the program."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from contextlib import contextmanager
 from types import FrameType
 
 _RETRY_S = 0.01
-"""How long after a Ctrl-C within an import it is tried again."""
+"""Time after which a Ctrl-C that came within an import is tried again, s."""
 
 
 @contextmanager
 def interrupts_between_imports() -> Iterator[None]:
-    """Let Ctrl-C take effect as soon as no module is being imported.
+    """Delay Ctrl-C until no module is being imported.
 
-    Within an import it can turn into an ImportError ("initialization failed") or be lost altogether.
-    A program that ignores Ctrl-C, or handles it otherwise, goes on doing so.
+    Within an import it can become an ImportError ("initialization failed") or be lost.
+    A program that ignores Ctrl-C, or has its own handler, keeps that.
     """
     ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if not ours or threading.current_thread() is not threading.main_thread():
@@ -49,7 +49,7 @@ def interrupts_between_imports() -> Iterator[None]:
 def _interrupt_main() -> None:
     main = threading.main_thread().ident
     if hasattr(signal, "pthread_kill") and main is not None:
-        signal.pthread_kill(main, signal.SIGINT)  # which wakes it where it sleeps or waits, too
+        signal.pthread_kill(main, signal.SIGINT)  # this also wakes it where it sleeps or waits
     else:
         _thread.interrupt_main()
 
@@ -62,9 +62,9 @@ def _importing(frame: FrameType | None) -> bool:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Let Ctrl-C take effect when the block ends: for native code that would take it for a failure."""
+    """Delay Ctrl-C until the block ends: for native code that would treat it as a failure."""
     if threading.current_thread() is not threading.main_thread():
-        yield  # Ctrl-C reaches the main thread alone
+        yield  # Ctrl-C reaches only the main thread
         return
     pressed = False
 

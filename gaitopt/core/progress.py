@@ -1,4 +1,4 @@
-"""Progress: what a job is doing, for whatever shows it."""
+"""Progress of a job, for display."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quantities as a person reads them: a name, a unit and as many digits as mean something."""
+"""Quantities as people read them: a name, a unit and three significant digits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _UNITS: Mapping[str, tuple[str, float]] = {
     "_w": ("mW", 1e3),
     "_s": ("s", 1.0),
 }
-"""Suffix of a metric's name: the unit shown and what to multiply with, longer suffixes first."""
+"""Suffix of a metric's name: the unit shown and the factor to it. Longer suffixes come first."""
 
 _SHARES = ("airtime", "reached")
 
@@ -44,13 +44,13 @@ _NAMES: Mapping[str, str] = {
 
 
 def title_of(name: str) -> str:
-    """Return what a metric is called, without its unit: ``speed_m_s`` is the forward speed."""
+    """Return the title of a metric without its unit: "forward speed" for ``speed_m_s``."""
     stem, _, part = name.removesuffix(_suffix(name)).partition(".")
     return _NAMES.get(stem, stem.replace("_", " ")) + (f", {part}" if part else "")
 
 
 def label_of(name: str) -> str:
-    """Return what a metric is called, with the unit in which `shown` gives it."""
+    """Return the title of a metric with the unit in which `shown` gives it."""
     unit, _ = _unit(name)
     return f"{title_of(name)} [{unit}]" if unit else title_of(name)
 
@@ -71,7 +71,7 @@ def shown(name: str, value: object) -> str:
 
 
 def figure(value: float) -> str:
-    """Return a number with three significant digits, and no exponent where it can do without."""
+    """Return a number with three significant digits; with an exponent only if it is very small or large."""
     if math.isnan(value):
         return "–"
     if math.isinf(value):

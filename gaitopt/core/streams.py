@@ -10,9 +10,9 @@ import numpy as np
 class Stream(IntEnum):
     """What a random stream is for.
 
-    The numbers decide the bits of every result, so they never change; a new stream takes a new number.
-    Of two names with one number, one draws scenarios and the other moves a solver: they share a
-    generator's state, and nothing else.
+    The numbers decide the bits of every result, so they never change. A new stream takes a new number.
+    Some names share a number: one of them draws scenarios and the other moves a solver. Such streams begin
+    with the same state and have nothing else in common.
     """
 
     SEARCH_SCENARIOS = 1
@@ -36,7 +36,7 @@ class Stream(IntEnum):
 
 
 BLIND_FLOOR_SEED = 12345
-"""Seed of the robots by which blind cases measure their floor: the same for every seed of the cases."""
+"""Seed of the robots with which blind cases measure their floor. It does not depend on the cases' seed."""
 
 
 def generator(seed: int, stream: int, *index: int) -> np.random.Generator:

@@ -1,4 +1,4 @@
-"""Unit conversion at the edges: a column says its unit in its name's suffix, and inside all is SI."""
+"""Units of the columns of files: the suffix of a column's name gives its unit. All else is in SI."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ ANGLE = {"rad": 1.0, "deg": math.pi / 180.0}
 
 
 def suffix_scale(source: object, key: str, column: str, units: Mapping[str, float]) -> float:
-    """Return what a column's numbers are multiplied by to be in SI, from the suffix of its name.
+    """Return the factor from a column's numbers to SI, from the suffix of its name.
 
     Args:
         source: the file that names the column.
-        key: where it does so.
+        key: the key in that file.
         column: the column's name, such as ``x_mm``.
         units: the units allowed, `TIME`, `LENGTH` or `ANGLE`.
 
     Raises:
-        GaitoptError: the suffix is none of the units.
+        GaitoptError: the suffix is not one of the units.
     """
     stem, _, unit = column.rpartition("_")
     if not stem or unit not in units:

@@ -1,4 +1,4 @@
-"""Values from files as checked records: the first mistake in one line, and the number of the others."""
+"""Checked records from the values of a file. An error names the first mistake and counts the others."""
 
 from __future__ import annotations
 
@@ -19,11 +19,16 @@ def _shown(name: str) -> str:
 
 
 Name = Annotated[str, AfterValidator(_shown)]
-"""A name out of a file, which is printed on a terminal and drawn."""
+"""A name from a file. It is printed on terminals and drawn in figures, so it has no control characters."""
 
 
 def validated(record: type[Record], values: object, source: object) -> Record:
-    """Return `values` as a checked record.
+    """Return the values of a file as a checked record.
+
+    Args:
+        record: the record's type.
+        values: what stands in the file.
+        source: the file, for messages.
 
     Raises:
         GaitoptError: one line that names the file, the first wrong key, what was found and what is
@@ -55,7 +60,7 @@ def _first_problem(error: ValidationError, record: type[BaseModel], source: obje
 
 
 def _fields_at(record: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
-    """Return the keys that the nested record at `location` accepts, as far as they can be told."""
+    """Return the keys that the nested record at `location` accepts; none where the types do not tell."""
     current: Any = record
     for part in location:
         if _is_record(current):

@@ -1,1 +1,1 @@
-"""What is said of any robot: roles, and named series over time."""
+"""What is common to all robots: roles, signals, trajectories, and MuJoCo's own rules."""
