@@ -965,10 +965,9 @@ def _new(options: argparse.Namespace) -> None:
     folder = options.out or Path(options.name)
     draft = make_problem(options.name, options.mjcf, folder)
     roles = draft.roles
-    print(
-        f"channels: {', '.join(draft.channels)}; marker: {roles['marker']}; pads: {', '.join(roles['pads'])}"
-    )
-    for remark in draft.remarks:
+    channels = ", ".join(channel.name for channel in draft.channels)
+    print(f"channels: {channels}; marker: {roles.marker}; pads: {', '.join(roles.pads)}")
+    for remark in roles.remarks:
         print(f"guessed: {remark}")
     print(f"wrote {folder / 'problem.toml'}: correct what is guessed, then")
     print(f"  gaitopt check {folder}")

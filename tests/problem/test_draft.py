@@ -53,7 +53,7 @@ def test_parameters_are_the_models_own(arcfold: Problem, tmp_path: Path) -> None
 
 def test_passive_hinges_are_those_without_a_servo(arcfold: Problem, tmp_path: Path) -> None:
     draft = make_problem("mine", nominal(arcfold, tmp_path), tmp_path / "mine")
-    assert sorted(draft.roles["hinges"]) == sorted(set(arcfold.roles.hinges) - {"mid_left"})
+    assert sorted(draft.roles.hinges) == sorted(set(arcfold.roles.hinges) - {"mid_left"})
 
 
 def test_the_file_says_what_was_guessed_and_what_comes_next(
