@@ -15,10 +15,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as Bar
 from rich.table import Table
 
-from gaitopt.core.quantities import label_of, shown
 from gaitopt.effects.rows import EffectRow
 from gaitopt.optimise.compare import ComparedGait
 from gaitopt.optimise.study import Progress
+from gaitopt.simulation.labels import label_of, shown
 
 _PLAIN_EVERY_S = 10.0
 

@@ -19,7 +19,7 @@ from gaitopt.optimise.solvers.solution import Box
 from gaitopt.plan.plan import Planner, PlanSettings
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
-from gaitopt.simulation.metrics import measure
+from gaitopt.simulation.metrics import SPEED, measure
 from gaitopt.simulation.rollout import NOMINAL, Simulator
 from gaitopt.simulation.setup import RobotSetup
 
@@ -117,4 +117,4 @@ def _speed(simulator: Simulator, gait: Gait) -> float:
     path = simulator.run(gait)
     if path.status != "ok":
         return math.nan
-    return float(measure(simulator.problem, gait, path, Robot.of(simulator.models[0]))["speed_m_s"])
+    return float(measure(simulator.problem, gait, path, Robot.of(simulator.models[0]))[SPEED.name])

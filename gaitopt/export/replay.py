@@ -18,7 +18,7 @@ from gaitopt.gait.drive import Commands
 from gaitopt.gait.table import GaitTable
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
-from gaitopt.simulation.metrics import measure
+from gaitopt.simulation.metrics import SPEED, measure
 from gaitopt.simulation.rollout import Scenario, Simulator
 
 
@@ -152,6 +152,6 @@ class _Starts:
         if all(run.status != "ok" for run in runs):
             raise GaitoptError(f"{gait.name}: the simulation {runs[0].status}")
         robot = Robot.of(simulator.models[0])
-        speeds = np.array([measure(self.problem, gait, run, robot)["speed_m_s"] for run in runs])
+        speeds = np.array([measure(self.problem, gait, run, robot)[SPEED.name] for run in runs])
         speeds[np.isnan(speeds)] = 0.0
         return speeds

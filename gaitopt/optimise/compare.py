@@ -16,7 +16,7 @@ from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem
-from gaitopt.simulation.metrics import Metrics
+from gaitopt.simulation.metrics import SPEED, Metrics
 from gaitopt.simulation.setup import RobotSetup
 
 
@@ -59,7 +59,7 @@ class ComparedGait:
     @property
     def speed_m_s(self) -> float:
         """Mean forward speed, m/s."""
-        return self.metrics["speed_m_s"]
+        return self.metrics[SPEED.name]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row of ``compare.json``: the figures, then the metrics."""
@@ -90,7 +90,7 @@ def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Execut
     rows: list[ComparedGait] = []
     first: NDArray[np.float64] | None = None
     for gait, one in zip(gaits, evaluator(gaits), strict=True):
-        speeds = np.array([outcome.metrics["speed_m_s"] for outcome in one.outcomes])
+        speeds = np.array([outcome.metrics[SPEED.name] for outcome in one.outcomes])
         first = speeds if first is None else first
         low, high = interval90(speeds - first)
         ratio = paired_ratio(speeds, first)

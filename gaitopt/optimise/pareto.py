@@ -10,6 +10,7 @@ import numpy as np
 
 from gaitopt.optimise.journal import Entry
 from gaitopt.optimise.verification import Verified
+from gaitopt.simulation.metrics import SPEED
 
 SHARE = 0.5
 """Share of the budget that goes to the front; the rest looks for the best gait first, as without a front."""
@@ -37,7 +38,7 @@ class FrontGait:
 
 def speed(entry: Entry) -> float:
     """Return the mean speed of a gait, m/s."""
-    return entry.evaluation.metrics["speed_m_s"]
+    return entry.evaluation.metrics[SPEED.name]
 
 
 def transport(entry: Entry) -> float:

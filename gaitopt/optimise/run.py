@@ -22,6 +22,7 @@ from gaitopt.optimise.study import Progress, Study, quasi_random
 from gaitopt.optimise.verification import Verified, scenarios_of, verify
 from gaitopt.plan.plan import Elite, Plan, Planner, PlanSettings
 from gaitopt.problem.problem import Problem
+from gaitopt.simulation.metrics import SPEED
 from gaitopt.simulation.objective import check_searchable
 from gaitopt.simulation.rollout import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
@@ -214,7 +215,7 @@ def _counted(reasons: Counter[str], most: int | None = None) -> str:
 
 def _best_elite(entries: Sequence[Entry], elites: Sequence[Elite]) -> Elite | None:
     """Return the planned gait that was fastest in MuJoCo; the first entries are the plan's."""
-    speeds = [e.evaluation.metrics["speed_m_s"] for e in entries[: len(elites)] if e.method == "plan"]
+    speeds = [e.evaluation.metrics[SPEED.name] for e in entries[: len(elites)] if e.method == "plan"]
     order = sorted(range(len(speeds)), key=lambda i: -speeds[i] if math.isfinite(speeds[i]) else math.inf)
     return elites[order[0]] if order else None
 
@@ -227,7 +228,7 @@ def _correlation(evaluator: Evaluator, planner: Planner, seed: int) -> tuple[flo
     gaits = [setting.problem.space.decode(point) for point in points]
     outcomes = [row[0] for row in nominal.outcomes(gaits)]
     pairs = [
-        (planner.predicted_speed(gait), outcome.metrics["speed_m_s"])
+        (planner.predicted_speed(gait), outcome.metrics[SPEED.name])
         for gait, outcome in zip(gaits, outcomes, strict=True)
         if outcome.status == "ok"
     ]

@@ -17,6 +17,7 @@ from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem
+from gaitopt.simulation.metrics import SPEED
 from gaitopt.simulation.setup import RobotSetup
 
 GAIT_STEP = 0.05
@@ -62,7 +63,7 @@ def sensitivities(problem: Problem, gait: Gait, seed: int, executor: Executor) -
     def speeds(changed: Problem, gaits: Sequence[Gait]) -> NDArray[np.float64]:
         setting = RobotSetup.of(changed, scenarios, changed.simulation.working)
         rows = Evaluator(setting, executor).outcomes(gaits)
-        return np.array([[outcome.metrics["speed_m_s"] for outcome in row] for row in rows])
+        return np.array([[outcome.metrics[SPEED.name] for outcome in row] for row in rows])
 
     names = [variable.name for variable in problem.space.variables]
     nominal, *moved = speeds(problem, [gait, *_moved(problem, gait)])

@@ -13,6 +13,7 @@ from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.problem.problem import Problem
+from gaitopt.simulation.metrics import SPEED
 from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.rollout import Scenario, draw_scenarios
 from gaitopt.simulation.setup import RobotSetup
@@ -71,6 +72,6 @@ def verify(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executo
     evaluator = Evaluator(RobotSetup.of(problem, scenarios, problem.simulation.reference), executor)
     verified = []
     for gait, one in zip(gaits, evaluator(gaits), strict=True):
-        speeds = np.array([outcome.metrics["speed_m_s"] for outcome in one.outcomes])
+        speeds = np.array([outcome.metrics[SPEED.name] for outcome in one.outcomes])
         verified.append(Verified(gait, one.evaluation, speeds, one.simulated_s))
     return verified

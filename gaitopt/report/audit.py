@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
-from gaitopt.core.quantities import figure, title_of
+from gaitopt.core.quantities import figure
 from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import audit as audit_figures
 from gaitopt.report.figures import gait as gait_figures
@@ -17,6 +17,7 @@ from gaitopt.report.rollouts import rollouts
 from gaitopt.report.words import fidelity_text, names_of
 from gaitopt.runs.folder import new_folder, write_into
 from gaitopt.simulation.check import REMEDIES, Finding
+from gaitopt.simulation.labels import title_of
 from gaitopt.simulation.rollout import Simulator
 
 

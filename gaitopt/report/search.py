@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
-from gaitopt.core.quantities import figure, title_of
+from gaitopt.core.quantities import figure
 from gaitopt.optimise.ladder import TRUSTED, Rung
 from gaitopt.optimise.run import Optimised
 from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, Sensitivity
@@ -33,6 +33,7 @@ from gaitopt.report.words import (
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.runs.run_folder import RunFolder
 from gaitopt.runs.summary import Summary
+from gaitopt.simulation.labels import title_of
 from gaitopt.simulation.rollout import Simulator
 
 _BEST = "best"

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gaitopt.core.quantities import figure, label_of, shown
+from gaitopt.core.quantities import figure
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.compare import ComparedGait
 from gaitopt.report.page import Table
 from gaitopt.runs.summary import GaitRow
+from gaitopt.simulation.labels import label_of, shown
 
 
 def metric_table(rows: Sequence[GaitRow | ComparedGait]) -> Table:

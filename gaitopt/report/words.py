@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from gaitopt.core.quantities import figure, title_of
+from gaitopt.core.quantities import figure
 from gaitopt.optimise.compare import ComparedGait
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Objective
 from gaitopt.runs.summary import GaitRow, Summary
+from gaitopt.simulation.labels import title_of
 
 
 def answer_of(summary: Summary) -> str:

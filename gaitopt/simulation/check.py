@@ -19,7 +19,7 @@ from gaitopt.problem.robot import Robot
 from gaitopt.problem.start import start_targets
 from gaitopt.robot.contact import can_touch, ground_geoms, mixed_friction
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.simulation.metrics import measure
+from gaitopt.simulation.metrics import SPEED, measure
 from gaitopt.simulation.rollout import Scenario, Simulator
 
 REST_MARKER_M_S = 1e-4
@@ -263,7 +263,7 @@ def _timestep(problem: Problem, executor: Executor, diverged: Collection[str]) -
                 f"{', '.join(sorted({*failed[0], *failed[1]}))}",
             )
             continue
-        speeds = [[measure(problem, gait, run, robot)["speed_m_s"] for run in some] for some in runs]
+        speeds = [[measure(problem, gait, run, robot)[SPEED.name] for run in some] for some in runs]
         before, after = np.mean(speeds, axis=1).tolist()
         error = float(np.sqrt(np.var(speeds, axis=1, ddof=1).sum() / count))
         limit = max(TIMESTEP_CHANGE * abs(after), TIMESTEP_FLOOR_M_S)

@@ -1,42 +1,25 @@
-"""What a gait achieved: plain numbers, each with its unit in its name, from one trajectory."""
+"""What a rollout achieved: plain numbers, each with its unit in its name, from its measured window.
+
+A metric is one record here: its formula, what it says, and its title. The objective, the journal, the
+tables and the pages take all of it from the record. To add one, write the record and its formula here.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.drive import Drive
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
+from gaitopt.simulation.window import Window
 
 Metrics = dict[str, float]
-"""Metric name to value; the names are the keys of `METRICS`."""
-
-METRICS = {
-    "speed_m_s": "net forward speed of the marker over whole cycles",
-    "stride_m": "net forward travel per cycle",
-    "sideways_m_s": "net sideways speed, left positive",
-    "sideways_ratio": "sideways over forward travel, in size; at most 10",
-    "yaw_rate_rad_s": "net turning rate, left positive",
-    "tilt_rad": "largest tilt of the first body",
-    "slip_m": "backward slip of loaded pads per cycle, summed over pads",
-    "airtime": "share of time in flights without any contact with the world that last over 10 ms",
-    "penetration_m": "deepest penetration of the ground",
-    "peak_torque_n_m": "largest servo torque",
-    "rms_torque_n_m": "root mean square of the servo torques, largest of the servos",
-    "power_w": "mean mechanical power at the servos' shafts; braking costs nothing and returns nothing",
-    "cost_of_transport": "energy per weight and forward distance; inf when it does not go forward",
-    "command_speed_ratio": "commanded peak speed over the servo's no-load speed, largest of the servos",
-    "reached": "share of the commanded travel that is reached, smallest of the servos",
-}
-"""Every metric with what it says. ``reached.CHANNEL`` comes beside ``reached``, per channel."""
-
-OF_THE_MARKER = ("speed_m_s", "stride_m", "sideways_m_s", "sideways_ratio", "cost_of_transport")
-"""Metrics of the robot's travel, which a problem without ``roles.marker`` does not have."""
+"""Metric name to value; the names are those of `metric_names`."""
 
 LOADED = 0.05
 """A pad that carries less than this share of the robot's weight does not count as anchored."""
@@ -45,150 +28,235 @@ _BOUNCE_S = 0.01
 """Shorter gaps are a contact's chatter: a body in free flight rises g t^2 / 8 = 0.12 mm in them."""
 
 _MAX_RATIO = 10.0
+"""Largest ``sideways_ratio``."""
+
+_YAW_SAMPLES = 200
+"""About this many samples of the heading count for the turning rate: it turns slowly."""
+
+_TILT_SAMPLE = 5
+"""One sample in this many counts for the tilt."""
 
 
-def metric_names(problem: Problem) -> list[str]:
-    """Return the names of a problem's metrics, in the order in which `measure` gives them."""
-    left_out = () if problem.roles.marker else OF_THE_MARKER
-    return [*(n for n in METRICS if n not in left_out), *(f"reached.{n}" for n in problem.channel_names)]
+@dataclass(frozen=True)
+class Metric:
+    """One figure of a rollout.
+
+    Attributes:
+        name: its name, with the unit as suffix: a key of `Metrics` and of JSON.
+        meaning: what it says, in a line.
+        formula: returns its value from the measured window of a rollout that went well.
+        title: what a person calls it, without unit; by default the name in words.
+        share: whether it is a share of 1, shown in per cent.
+        drift: whether it has a sign that scenarios cancel, so that means take its size.
+        per_cycle: whether it is of one cycle, and left out where nothing repeats.
+        of_marker: whether it is of the marker's travel, and left out without ``roles.marker``.
+    """
+
+    name: str
+    meaning: str
+    formula: Callable[[Window], float]
+    title: str = ""
+    share: bool = False
+    drift: bool = False
+    per_cycle: bool = False
+    of_marker: bool = False
 
 
-def measure(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) -> Metrics:
-    """Return the metrics of the measured cycles of a rollout.
+def measure(problem: Problem, drive: Drive, trajectory: Trajectory, robot: Robot) -> Metrics:
+    """Return the metrics of the measured window of a rollout.
 
     Args:
         problem: the problem, for its horizon and axes.
-        gait: the gait that was played.
+        drive: what was commanded.
         trajectory: the rollout, from gait time 0 to at least the end of the horizon.
         robot: weight and servo limits.
 
     Returns:
         Metric by name. A trajectory that is not ``ok`` has NaN throughout.
     """
+    names = metric_names(problem, drive.period_s is not None)
     if trajectory.status != "ok":
-        return dict.fromkeys(metric_names(problem), math.nan)
-    transient, measured = problem.simulation.horizon.cycles(gait.period_s)
-    begin, end = transient * gait.period_s, (transient + measured) * gait.period_s
-    window = slice(*np.searchsorted(trajectory.time, (begin - 1e-9, end - 1e-9)).tolist())
-    travel = _travel(problem, trajectory, begin, end) if problem.roles.marker else (math.nan, math.nan)
-    speed, sideways = travel[0] / (end - begin), travel[1] / (end - begin)
-    reached = _reached(gait, trajectory, window)
-    torque = trajectory.stacked("torque")[window]
-    rate = trajectory.stacked("rate")[window]
-    shaft_torque = torque - robot.damping * rate
-    power = float(np.maximum(shaft_torque * rate, 0.0).sum(axis=1).mean())
-    limited = np.isfinite(robot.no_load_speed)
-    with np.errstate(over="ignore"):  # a square wave in all but name
-        peaks = gait.peak_command_speed()[limited] / robot.no_load_speed[limited]
-    depth = trajectory["depth"][window]
-    values = {
-        "speed_m_s": speed,
-        "stride_m": speed * gait.period_s,
-        "sideways_m_s": sideways,
-        "sideways_ratio": _ratio(abs(sideways), abs(speed)),
-        "yaw_rate_rad_s": _yaw_rate(problem, trajectory, window),
-        "tilt_rad": _tilt(problem, trajectory, window),
-        "slip_m": _backward_slip(problem, trajectory, window, robot.weight) / measured,
-        "airtime": _airtime(trajectory.time[window], trajectory["contacts"][window]),
-        "penetration_m": float(max(0.0, -depth.min(initial=0.0))),
-        "peak_torque_n_m": float(np.abs(torque).max(initial=0.0)),
-        "rms_torque_n_m": float(np.sqrt((torque**2).mean(axis=0)).max(initial=0.0)),
-        "power_w": power,
-        "cost_of_transport": power / (robot.weight * speed) if robot.weight * speed > 0.0 else math.inf,
-        "command_speed_ratio": float(peaks.max(initial=0.0)),
-        "reached": min(reached.values(), default=1.0),
-    }
-    values |= {f"reached.{name}": share for name, share in reached.items()}
-    return {name: values[name] for name in metric_names(problem)}
+        return dict.fromkeys(names, math.nan)
+    window = Window.of(problem, drive, trajectory, robot)
+    values = {name: METRICS[name].formula(window) for name in names if name in METRICS}
+    return values | {f"{REACHED.name}.{channel}": share for channel, share in window.reached.items()}
 
 
-def mean_metrics(rows: list[Metrics]) -> Metrics:
+def metric_names(problem: Problem, cyclic: bool = True) -> list[str]:
+    """Return the names of a problem's metrics, in the order in which `measure` gives them.
+
+    Args:
+        problem: the problem; without ``roles.marker``, metrics of its travel are left out.
+        cyclic: whether there are cycles; without, metrics of a cycle are left out.
+    """
+    marked = problem.roles.marker is not None
+    names = [
+        name
+        for name, metric in METRICS.items()
+        if (marked or not metric.of_marker) and (cyclic or not metric.per_cycle)
+    ]
+    return names + [f"{REACHED.name}.{channel}" for channel in problem.channel_names]
+
+
+def mean_metrics(rows: Sequence[Metrics]) -> Metrics:
     """Return the mean of each metric over scenarios; of signed drifts, the mean size."""
-    sizes = {"sideways_m_s", "yaw_rate_rad_s"}
+    drifts = {name for name, metric in METRICS.items() if metric.drift}
     return {
-        name: float(np.mean([abs(row[name]) if name in sizes else row[name] for row in rows]))
+        name: float(np.mean([abs(row[name]) if name in drifts else row[name] for row in rows]))
         for name in rows[0]
     }
-
-
-def axes(problem: Problem) -> NDArray[np.float64]:
-    """Return forward, left and up as the rows of a (3, 3) rotation; see `Roles.axes`."""
-    return problem.roles.axes
-
-
-def _travel(problem: Problem, trajectory: Trajectory, begin: float, end: float) -> tuple[float, float]:
-    """Return net forward and leftward travel of the marker between two times, m."""
-    marker = [np.interp((begin, end), trajectory.time, trajectory[f"marker.{axis}"]) for axis in "xyz"]
-    forward, left, _ = axes(problem) @ np.diff(marker, axis=1)[:, 0]
-    return float(forward), float(left)
 
 
 def _ratio(above: float, below: float) -> float:
     return min(above / below, _MAX_RATIO) if below > 0.0 else _MAX_RATIO
 
 
-def _rotation(trajectory: Trajectory, window: slice) -> NDArray[np.float64]:
-    """Return the rotation matrices of the first body, shape (n, 3, 3)."""
-    w, x, y, z = (trajectory[f"heading.{part}"][window] for part in "wxyz")
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
-
-
-def _yaw_rate(problem: Problem, trajectory: Trajectory, window: slice) -> float:
+def _yaw_rate(window: Window) -> float:
     """Return the net turning rate about up: how fast the first body's forward axis turns, rad/s."""
-    forward, left, _ = axes(problem)
-    ends = slice(window.start, window.stop, max(1, (window.stop - window.start) // 200))
-    pointing = _rotation(trajectory, ends) @ forward
+    forward, left, _ = window.axes
+    every = max(1, (window.rows.stop - window.rows.start) // _YAW_SAMPLES)
+    pointing = window.rotation(every) @ forward
     yaw = np.unwrap(np.arctan2(pointing @ left, pointing @ forward))
-    time = trajectory.time[ends]
+    time = window.time[::every]
     return float((yaw[-1] - yaw[0]) / (time[-1] - time[0]))
 
 
-def _tilt(problem: Problem, trajectory: Trajectory, window: slice) -> float:
+def _tilt(window: Window) -> float:
     """Return the largest angle between the first body's up axis and up, rad."""
-    up = axes(problem)[2]
-    every = slice(window.start, window.stop, 5)
-    cosine = (_rotation(trajectory, every) @ up) @ up
+    up = window.axes[2]
+    cosine = (window.rotation(_TILT_SAMPLE) @ up) @ up
     return float(np.arccos(np.clip(cosine, -1.0, 1.0)).max(initial=0.0))
 
 
-def _airtime(time: NDArray[np.float64], contacts: NDArray[np.float64]) -> float:
-    """Return the share of time spent in flights longer than a bounce."""
-    flying = np.concatenate([[False], contacts == 0.0, [False]])
-    begins, ends = np.flatnonzero(flying[1:] & ~flying[:-1]), np.flatnonzero(flying[:-1] & ~flying[1:])
-    step = (time[-1] - time[0]) / max(1, len(time) - 1)
-    flights = (ends - begins) * step
-    return float(flights[flights > _BOUNCE_S].sum() / (len(time) * step))
-
-
-def _backward_slip(problem: Problem, trajectory: Trajectory, window: slice, weight: float) -> float:
-    """Return how far the pads slid backward while they carried load, m, summed over pads."""
-    forward, _, up = axes(problem)
-    time = trajectory.time[window]
-    step = (time[-1] - time[0]) / max(1, len(time) - 1)
+def _slip(window: Window) -> float:
+    """Return how far the pads slid backward per cycle while they carried load, m, summed over pads."""
+    forward, _, up = window.axes
     slip = 0.0
-    for pad in problem.roles.pads:
-        load = sum(up[i] * trajectory[f"load.{pad}.{axis}"][window] for i, axis in enumerate("xyz"))
-        speed = sum(
-            forward[i] * trajectory[f"pad_speed.{pad}.{axis}"][window] for i, axis in enumerate("xyz")
-        )
-        anchored = np.abs(load) > LOADED * weight
-        slip += float(np.maximum(-speed, 0.0)[anchored].sum()) * step
-    return float(slip)
+    for pad in window.problem.roles.pads:
+        load = sum(up[i] * window[f"load.{pad}.{axis}"] for i, axis in enumerate("xyz"))
+        speed = sum(forward[i] * window[f"pad_speed.{pad}.{axis}"] for i, axis in enumerate("xyz"))
+        anchored = np.abs(load) > LOADED * window.robot.weight
+        slip += float(np.maximum(-speed, 0.0)[anchored].sum()) * window.sample_s
+    return slip / (window.cycles or 1)
 
 
-def _reached(gait: Gait, trajectory: Trajectory, window: slice) -> Mapping[str, float]:
-    """Return per channel the share of the commanded travel that the joint goes through."""
-    shares = {}
-    for name in gait.channels:
-        target = trajectory[f"target.{name}"][window]
-        position = trajectory[f"position.{name}"][window]
-        low, high = float(target.min()), float(target.max())
-        inside = np.clip(position, low, high)
-        travel = high - low
-        shares[name] = float(inside.max() - inside.min()) / travel if travel > 0.0 else 1.0
-    return shares
+def _airtime(window: Window) -> float:
+    """Return the share of time spent in flights longer than a bounce."""
+    flying = np.concatenate([[False], window["contacts"] == 0.0, [False]])
+    begins, ends = np.flatnonzero(flying[1:] & ~flying[:-1]), np.flatnonzero(flying[:-1] & ~flying[1:])
+    flights = (ends - begins) * window.sample_s
+    return float(flights[flights > _BOUNCE_S].sum() / (len(window.time) * window.sample_s))
+
+
+def _cost_of_transport(window: Window) -> float:
+    """Return mean power over weight and forward speed."""
+    useful = window.robot.weight * window.velocity[0]
+    return window.power / useful if useful > 0.0 else math.inf
+
+
+def _command_speed_ratio(window: Window) -> float:
+    """Return commanded peak speed over no-load speed, of the servos whose torque is limited."""
+    no_load = window.robot.no_load_speed
+    limited = np.isfinite(no_load)
+    with np.errstate(over="ignore"):  # a square wave in all but name
+        peaks = window.peak_command_speed[limited] / no_load[limited]
+    return float(peaks.max(initial=0.0))
+
+
+SPEED = Metric(
+    "speed_m_s",
+    "net forward speed of the marker over whole cycles",
+    lambda window: window.velocity[0],
+    title="forward speed",
+    of_marker=True,
+)
+
+REACHED = Metric(
+    "reached",
+    "share of the commanded travel that is reached, smallest of the servos",
+    lambda window: min(window.reached.values(), default=1.0),
+    title="travel reached",
+    share=True,
+)
+"""The metric that ``reached.CHANNEL`` comes beside, per channel."""
+
+_IN_ORDER = (
+    SPEED,
+    Metric(
+        "stride_m",
+        "net forward travel per cycle",
+        lambda window: window.velocity[0] * (window.drive.period_s or math.nan),
+        per_cycle=True,
+        of_marker=True,
+    ),
+    Metric(
+        "sideways_m_s",
+        "net sideways speed, left positive",
+        lambda window: window.velocity[1],
+        title="sideways speed",
+        drift=True,
+        of_marker=True,
+    ),
+    Metric(
+        "sideways_ratio",
+        "sideways over forward travel, in size; at most 10",
+        lambda window: _ratio(abs(window.velocity[1]), abs(window.velocity[0])),
+        title="sideways over forward",
+        of_marker=True,
+    ),
+    Metric("yaw_rate_rad_s", "net turning rate, left positive", _yaw_rate, title="turning rate", drift=True),
+    Metric("tilt_rad", "largest tilt of the first body", _tilt, title="largest tilt"),
+    Metric(
+        "slip_m",
+        "backward slip of loaded pads per cycle, summed over pads",
+        _slip,
+        title="slip back per cycle",
+        per_cycle=True,
+    ),
+    Metric(
+        "airtime",
+        "share of time in flights without any contact with the world that last over 10 ms",
+        _airtime,
+        title="time in the air",
+        share=True,
+    ),
+    Metric(
+        "penetration_m",
+        "deepest penetration of the ground",
+        lambda window: float(max(0.0, -window["depth"].min(initial=0.0))),
+        title="deepest penetration",
+    ),
+    Metric(
+        "peak_torque_n_m",
+        "largest servo torque",
+        lambda window: float(np.abs(window.stacked("torque")).max(initial=0.0)),
+    ),
+    Metric(
+        "rms_torque_n_m",
+        "root mean square of the servo torques, largest of the servos",
+        lambda window: float(np.sqrt((window.stacked("torque") ** 2).mean(axis=0)).max(initial=0.0)),
+        title="RMS torque",
+    ),
+    Metric(
+        "power_w",
+        "mean mechanical power at the servos' shafts; braking costs nothing and returns nothing",
+        lambda window: window.power,
+        title="mechanical power",
+    ),
+    Metric(
+        "cost_of_transport",
+        "energy per weight and forward distance; inf when it does not go forward",
+        _cost_of_transport,
+        of_marker=True,
+    ),
+    Metric(
+        "command_speed_ratio",
+        "commanded peak speed over the servo's no-load speed, largest of the servos",
+        _command_speed_ratio,
+        title="command over no-load speed",
+    ),
+    REACHED,
+)
+
+METRICS: dict[str, Metric] = {metric.name: metric for metric in _IN_ORDER}
+"""Every metric by name, in the order of tables and files; ``reached.CHANNEL`` comes after them all."""

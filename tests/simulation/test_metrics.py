@@ -14,7 +14,9 @@ from gaitopt.gait.gait import Channel, Gait
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.simulation.metrics import METRICS, axes, mean_metrics, measure
+from gaitopt.simulation.labels import label_of
+from gaitopt.simulation.metrics import METRICS, Metric, mean_metrics, measure, metric_names
+from gaitopt.simulation.objective import check_objective, evaluate
 from gaitopt.simulation.rollout import Scenario, Simulator
 
 Series = NDArray[np.float64]
@@ -69,7 +71,7 @@ def rotation(axis: str, angle: ArrayLike) -> dict[str, ArrayLike]:
 
 def test_there_is_a_figure_for_every_metric_and_no_other(quick: Problem) -> None:
     found = figures(quick, {})
-    assert list(found) == [*METRICS, *(f"reached.{name}" for name in quick.channel_names)]
+    assert list(found) == metric_names(quick)
     assert {type(value) for value in found.values()} == {float}
 
 
@@ -123,7 +125,7 @@ def test_up_is_the_problems(quick: Problem) -> None:
         problem, {"marker.x": 0.1 * clock(), "marker.y": 9.0 * clock(), "marker.z": 0.2 * clock()}
     )
     assert (found["speed_m_s"], found["sideways_m_s"]) == pytest.approx((0.1, -0.2), abs=1e-12)
-    np.testing.assert_allclose(axes(problem), [[1, 0, 0], [0, 0, -1], [0, 1, 0]], atol=1e-15)
+    np.testing.assert_allclose(problem.roles.axes, [[1, 0, 0], [0, 0, -1], [0, 1, 0]], atol=1e-15)
 
 
 @pytest.mark.parametrize("rate", [0.3, -0.3, 0.0, 8.0, -8.0])
@@ -262,6 +264,28 @@ def test_means_of_signed_drifts_are_of_their_size(quick: Problem) -> None:
     assert mean["sideways_m_s"] == pytest.approx(0.1)
     assert mean["speed_m_s"] == pytest.approx(0.0)
     assert list(mean) == list(left)
+
+
+# --- the registry -----------------------------------------------------------------------------
+
+
+def test_a_metric_is_one_record(quick: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Added to the registry, it is measured, named in tables, averaged, and a term of the objective."""
+    lowest = Metric(
+        "lowest_marker_m", "smallest height", lambda window: float(window["marker.z"].min()), title="low"
+    )
+    monkeypatch.setitem(METRICS, lowest.name, lowest)
+    found = figures(quick, {"marker.z": 0.1 + clock()})
+    assert found[lowest.name] == pytest.approx(0.1 + BEGIN_S)
+    assert list(found) == metric_names(quick)
+    assert label_of(lowest.name) == "low [mm]"
+    assert mean_metrics([found, found])[lowest.name] == found[lowest.name]
+    objective = quick.objective.model_copy(update={"terms": {lowest.name: 1.0}, "constraints": {}})
+    problem = Problem.from_file(
+        quick.file.model_copy(update={"objective": objective}), quick.source, quick.model_path
+    )
+    check_objective(problem)
+    assert evaluate(problem, [found], ["ok"]).cost == pytest.approx(found[lowest.name])
 
 
 # --- on the robot -----------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.records import Objective, ProblemFile
 from gaitopt.runs.folder import write_problem
-from gaitopt.simulation.metrics import METRICS, Metrics
+from gaitopt.simulation.metrics import Metrics, metric_names
 from gaitopt.simulation.objective import FAILED_COST, check_objective, evaluate
 
 
@@ -26,7 +26,7 @@ def aiming(problem: Problem, **objective: object) -> Problem:
 
 def row(problem: Problem, **values: float) -> Metrics:
     """Metrics that are 0 unless said otherwise."""
-    names = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
+    names = metric_names(problem)
     return dict.fromkeys(names, 0.0) | values
 
 

@@ -42,7 +42,7 @@ from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.solvers import cma_es
 from gaitopt.plan.plan import Planner
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.simulation.metrics import METRICS
+from gaitopt.simulation.metrics import metric_names
 from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.rollout import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
@@ -73,7 +73,7 @@ class PlanarEvaluator:
     def __init__(self, problem: Problem):
         self.setup = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
         self._planner = Planner(problem)
-        names = [*METRICS, *(f"reached.{name}" for name in problem.channel_names)]
+        names = metric_names(problem)
         self._unknown = dict.fromkeys(names, math.nan)
 
     def __call__(self, gaits: list[Any]) -> list[Evaluated]:

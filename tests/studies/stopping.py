@@ -39,7 +39,7 @@ from gaitopt.optimise.journal import Entry
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.simulation.metrics import axes, measure
+from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Simulator
 
 SHARES = (0.0, 0.25, 0.5, 0.75)
@@ -79,7 +79,7 @@ def watched(problem: Problem, gait: Gait, path: Trajectory) -> Watched:
     """Return what a rollout was like before its end."""
     transient, measured = problem.simulation.horizon.cycles(gait.period_s)
     begin, end = transient * gait.period_s, (transient + measured) * gait.period_s
-    forward, _, up = axes(problem)
+    forward, _, up = problem.roles.axes
     limit = problem.objective.constraints["tilt_rad"].max or math.inf
     w, x, y, z = (path[f"heading.{part}"] for part in "wxyz")
     third = np.c_[2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)]

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from gaitopt.core.quantities import title_of
 from gaitopt.report.figures.style import COLOURS, finish, plain_ticks, single_panel
 from gaitopt.simulation.check import Finding
+from gaitopt.simulation.labels import title_of
 
 
 def findings(found: Sequence[Finding]) -> Figure:

@@ -17,7 +17,7 @@ from gaitopt.gait.gait import Gait
 from gaitopt.problem.robot import Robot
 from gaitopt.report.film.ghost import Ghost, ghost_of
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.simulation.metrics import measure
+from gaitopt.simulation.metrics import SPEED, measure
 from gaitopt.simulation.rollout import Simulator
 
 
@@ -80,7 +80,7 @@ def take(simulator: Simulator, drive: Drive, duration: float | None = None) -> T
     model = simulator.models[0]
     speed = math.nan
     if isinstance(drive, Gait):
-        speed = measure(simulator.problem, drive, trajectory, Robot.of(model))["speed_m_s"]
+        speed = measure(simulator.problem, drive, trajectory, Robot.of(model))[SPEED.name]
     axes = simulator.problem.roles.axes
     return Take(model, trajectory, axes, drive.name, drive.period_s, drive.block_s, speed)
 
