@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import pytest
 from helpers import STRIDER
 from pages import page_of
 from pictures import needs_opengl
@@ -10,6 +11,7 @@ from pictures import needs_opengl
 from gaitopt.cli import app as cli
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_a_full_report_has_a_film_and_sensitivities(tmp_path: Path) -> None:
     folder = tmp_path / "run"

@@ -59,7 +59,7 @@ def differences(rows: Sequence[ComparedGait]) -> Figure:
     axes.set_yticks(places, [row.name for row in others])
     axes.set_ylim(-0.6, len(others) - 0.4)
     axes.axvline(0.0, color="k", linewidth=0.8, linestyle="--")
-    finish(axes, f"forward speed over that of {rows[0].name} [mm/s]", "", legend=False)
+    finish(axes, f"forward speed minus that of {rows[0].name} [mm/s]", "", legend=False)
     legend_below(figure, axes, 2)
     return figure
 
