@@ -900,9 +900,10 @@ def _blind_score(options: argparse.Namespace) -> None:
 
 def _import(options: argparse.Namespace) -> None:
     from gaitopt.core.json import to_json
-    from gaitopt.diagnose.record.importers import Options, import_files
+    from gaitopt.diagnose.record.export import ImportOptions
+    from gaitopt.diagnose.record.importing import import_files
 
-    given = Options(
+    given = ImportOptions(
         _positive("fps", options.fps),
         _positive("scale-m-per-px", options.scale_m_per_px),
         options.time_unit,

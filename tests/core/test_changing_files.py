@@ -15,7 +15,8 @@ from gaitopt.cli import app as cli
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import read_bytes, read_text
 from gaitopt.diagnose.record.dataset import load_dataset
-from gaitopt.diagnose.record.importers import Options, import_file
+from gaitopt.diagnose.record.export import ImportOptions
+from gaitopt.diagnose.record.importing import import_file
 from gaitopt.gait.gait import read_gait
 from gaitopt.optimise import evaluator
 from gaitopt.problem.model import build_model
@@ -103,7 +104,7 @@ def test_a_recording_that_changes_is_one_or_the_other(tmp_path: Path, whole: boo
     path.write_text("t_s,x_m\n" + "".join(f"{0.05 * i:.2f},{0.01 * i:.3f}\n" for i in range(60)))
 
     def imported() -> list[float]:
-        return import_file(path, Options()).signals["marker.x"].tolist()
+        return import_file(path, ImportOptions()).signals["marker.x"].tolist()
 
     check_reads(path, ",0.", ",1.", imported, whole)
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.diagnose.record.importers import Options, import_file, import_files
+from gaitopt.diagnose.record.export import ImportOptions
+from gaitopt.diagnose.record.importing import import_file, import_files
 
 COUNT = 12
 TIME = np.arange(COUNT) / 25.0
@@ -61,7 +62,7 @@ def plain():
     return "\n".join(["t_s,x_mm,z_mm,mid_left_deg", *rows])
 
 
-PIXELS = Options(fps=25.0, scale_m_per_px=0.01, marker="nose")
+PIXELS = ImportOptions(fps=25.0, scale_m_per_px=0.01, marker="nose")
 
 
 def written(folder, text, name="walk.csv"):
@@ -73,12 +74,12 @@ def written(folder, text, name="walk.csv"):
 @pytest.mark.parametrize(
     ("text", "options", "program", "up", "missing"),
     [
-        (tracker_txt(), Options(), "Tracker", 1, []),
-        (tracker_csv(), Options(), "Tracker", 1, [3]),
+        (tracker_txt(), ImportOptions(), "Tracker", 1, []),
+        (tracker_csv(), ImportOptions(), "Tracker", 1, [3]),
         (deeplabcut(), PIXELS, "DeepLabCut", -1, [4]),
         (sleap(), PIXELS, "SLEAP", -1, [2]),
-        (kinovea(), Options(), "Kinovea", 1, []),
-        (plain(), Options(), "plain CSV", 1, []),
+        (kinovea(), ImportOptions(), "Kinovea", 1, []),
+        (plain(), ImportOptions(), "plain CSV", 1, []),
     ],
 )
 def test_every_format(tmp_path, text, options, program, up, missing):
@@ -101,33 +102,33 @@ def test_what_was_changed_is_said(tmp_path):
 
 
 def test_other_joints_and_the_view_from_above(tmp_path):
-    motion = import_file(written(tmp_path, plain()), Options())
+    motion = import_file(written(tmp_path, plain()), ImportOptions())
     np.testing.assert_allclose(motion.signals["joint.mid_left"], np.deg2rad(10.0 * np.arange(COUNT)))
-    motion = import_file(written(tmp_path, tracker_txt()), Options(view="top", length_unit="cm"))
+    motion = import_file(written(tmp_path, tracker_txt()), ImportOptions(view="top", length_unit="cm"))
     np.testing.assert_allclose(motion.signals["marker.y"], 0.01 * Y)
 
 
 def test_kinovea_in_seconds(tmp_path):
-    motion = import_file(written(tmp_path, kinovea()), Options(time_unit="s"))
+    motion = import_file(written(tmp_path, kinovea()), ImportOptions(time_unit="s"))
     np.testing.assert_allclose(motion.time, 1e3 * TIME)
 
 
 @pytest.mark.parametrize(
     ("text", "options", "said"),
     [
-        (deeplabcut(), Options(scale_m_per_px=1.0, marker="nose"), "--fps"),
-        (deeplabcut(), Options(fps=25.0, marker="nose"), "--scale-m-per-px"),
-        (deeplabcut(), Options(fps=25.0, scale_m_per_px=1.0), "--marker: tail, nose"),
-        (sleap(), Options(fps=25.0, scale_m_per_px=1.0, marker="tail"), "unknown point 'tail'"),
-        (kinovea(), Options(time_unit="min"), "--time-unit: found 'min'; allowed: s, ms"),
-        (tracker_txt(), Options(view="front"), "--view"),
-        ("a,b\n1,2\n", Options(), "not an export of Tracker"),
-        ("", Options(), "empty"),
-        ("t_s,x_px\n0,1\n", Options(), "_m, _cm, _mm"),
-        ("t_s,speed\n0,1\n1,2\n", Options(), "no column such as x_m"),
-        ("t_s,x_m\n0,1\n0.2,1\n0.1,2\n", Options(), "time goes backward after 0.2 s"),
-        ("t_s,x_m\n0,\n0.1,\n0.2,\n", Options(), "fewer than three samples"),
-        ("mass_A\nt\tx\ty\n0\tone\t2\n", Options(), "line 3, column x: found 'one'"),
+        (deeplabcut(), ImportOptions(scale_m_per_px=1.0, marker="nose"), "--fps"),
+        (deeplabcut(), ImportOptions(fps=25.0, marker="nose"), "--scale-m-per-px"),
+        (deeplabcut(), ImportOptions(fps=25.0, scale_m_per_px=1.0), "--marker: tail, nose"),
+        (sleap(), ImportOptions(fps=25.0, scale_m_per_px=1.0, marker="tail"), "unknown point 'tail'"),
+        (kinovea(), ImportOptions(time_unit="min"), "--time-unit: found 'min'; allowed: s, ms"),
+        (tracker_txt(), ImportOptions(view="front"), "--view"),
+        ("a,b\n1,2\n", ImportOptions(), "not an export of Tracker"),
+        ("", ImportOptions(), "empty"),
+        ("t_s,x_px\n0,1\n", ImportOptions(), "_m, _cm, _mm"),
+        ("t_s,speed\n0,1\n1,2\n", ImportOptions(), "no column such as x_m"),
+        ("t_s,x_m\n0,1\n0.2,1\n0.1,2\n", ImportOptions(), "time goes backward after 0.2 s"),
+        ("t_s,x_m\n0,\n0.1,\n0.2,\n", ImportOptions(), "fewer than three samples"),
+        ("mass_A\nt\tx\ty\n0\tone\t2\n", ImportOptions(), "line 3, column x: found 'one'"),
     ],
 )
 def test_one_line_says_what_is_wrong(tmp_path, text, options, said):
@@ -139,7 +140,7 @@ def test_one_line_says_what_is_wrong(tmp_path, text, options, said):
 def test_a_data_set_of_several_files(tmp_path):
     files = [written(tmp_path, tracker_txt(), "a.txt"), written(tmp_path, tracker_csv(), "b.csv")]
     out = tmp_path / "trials"
-    import_files(files, ["square-1s", "square-2s"], out, Options(sync_at_s=1.5))
+    import_files(files, ["square-1s", "square-2s"], out, ImportOptions(sync_at_s=1.5))
     content = tomllib.loads((out / "dataset.toml").read_text())
     assert [trial["gait"] for trial in content["trial"]] == ["square-1s", "square-2s"]
     assert content["trial"][0]["starts_at_gait_time_s"] == -1.5
@@ -151,16 +152,16 @@ def test_nothing_is_overwritten_or_left_half_written(tmp_path):
     good, bad = written(tmp_path, tracker_txt(), "a.txt"), written(tmp_path, "what\n", "b.csv")
     out = tmp_path / "trials"
     with pytest.raises(GaitoptError, match="not an export"):
-        import_files([good, bad], ["square-1s"], out, Options())
+        import_files([good, bad], ["square-1s"], out, ImportOptions())
     assert not out.exists()
-    import_files([good], ["square-1s"], out, Options())
+    import_files([good], ["square-1s"], out, ImportOptions())
     before = {path: path.read_bytes() for path in out.iterdir()}
     with pytest.raises(GaitoptError, match="is not empty; allowed: a new or an empty folder"):
-        import_files([good], ["square-2s"], out, Options())
+        import_files([good], ["square-2s"], out, ImportOptions())
     assert {path: path.read_bytes() for path in out.iterdir()} == before
 
 
 def test_one_gait_or_one_each(tmp_path):
     file = written(tmp_path, tracker_txt())
     with pytest.raises(GaitoptError, match="found 2 for 1 files"):
-        import_files([file], ["a", "b"], tmp_path / "out", Options())
+        import_files([file], ["a", "b"], tmp_path / "out", ImportOptions())

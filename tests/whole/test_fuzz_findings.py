@@ -18,7 +18,8 @@ from hostility import refused, run, with_element
 from gaitopt.cli import app as cli
 from gaitopt.core.files import read_json, write_text
 from gaitopt.diagnose.record.dataset import load_dataset
-from gaitopt.diagnose.record.importers import Options, import_file, import_files
+from gaitopt.diagnose.record.export import ImportOptions
+from gaitopt.diagnose.record.importing import import_file, import_files
 from gaitopt.diagnose.words import answer
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Channel, Gait, read_gait
@@ -109,7 +110,9 @@ def test_a_slew_beyond_any_servo_is_the_longest_pulse() -> None:
 def test_a_deeplabcut_head_of_uneven_rows_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "walk.csv"
     path.write_text("scorer,net,net\nbodyparts,nose,nose\ncoords,x,y,likelihood\n0,1,2,0.9\n")
-    assert "3 cells of bodyparts over 4 of coords" in refused(lambda: import_file(path, Options(fps=25.0)))
+    assert "3 cells of bodyparts over 4 of coords" in refused(
+        lambda: import_file(path, ImportOptions(fps=25.0))
+    )
 
 
 @pytest.mark.parametrize(
@@ -123,19 +126,19 @@ def test_a_deeplabcut_head_of_uneven_rows_is_one_line(tmp_path: Path) -> None:
 def test_a_time_stamp_that_no_clock_gives_is_one_line(tmp_path: Path, cell: str, said: str | None) -> None:
     path = tmp_path / "walk.csv"
     path.write_text("\n".join(["t_s,x_m", *(f"{0.1 * i},{i}" for i in range(30)), f"{cell},1"]) + "\n")
-    assert (said or "") in refused(lambda: import_file(path, Options()))
+    assert (said or "") in refused(lambda: import_file(path, ImportOptions()))
 
 
 @pytest.mark.parametrize(
     "options",
     [
-        Options(fps=5e-324),
-        Options(fps=float("nan")),
-        Options(scale_m_per_px=1e308),
-        Options(sync_at_s=np.nan),
+        ImportOptions(fps=5e-324),
+        ImportOptions(fps=float("nan")),
+        ImportOptions(scale_m_per_px=1e308),
+        ImportOptions(sync_at_s=np.nan),
     ],
 )
-def test_an_option_that_no_camera_has_is_one_line(tmp_path: Path, options: Options) -> None:
+def test_an_option_that_no_camera_has_is_one_line(tmp_path: Path, options: ImportOptions) -> None:
     assert "gait import: --" in refused(lambda: import_file(tmp_path / "walk.csv", options)).replace(
         "opt", ""
     )
@@ -145,7 +148,7 @@ def test_a_file_whose_name_is_no_text_is_one_line_and_leaves_nothing(tmp_path: P
     path = tmp_path / "walk\udcff.csv"
     path.write_text("t_s,x_m\n" + "\n".join(f"{0.1 * i},{i}" for i in range(30)))
     out = tmp_path / "out"
-    assert "no Unicode text" in refused(lambda: import_files([path], ["stride"], out, Options()))
+    assert "no Unicode text" in refused(lambda: import_files([path], ["stride"], out, ImportOptions()))
     assert not out.exists()
 
 
@@ -153,7 +156,7 @@ def test_a_gait_called_as_the_data_set_itself_is_not_overwritten(tmp_path: Path)
     walk, gait = tmp_path / "walk.csv", tmp_path / "dataset.toml"
     walk.write_text("t_s,x_m\n" + "\n".join(f"{0.1 * i},{i}" for i in range(30)))
     gait.write_text("mine")
-    said = refused(lambda: import_files([walk], [str(gait)], tmp_path / "out", Options()))
+    said = refused(lambda: import_files([walk], [str(gait)], tmp_path / "out", ImportOptions()))
     assert "a data set has a file of this name" in said
     assert not (tmp_path / "out").exists()
 
@@ -297,7 +300,7 @@ def test_a_name_in_a_data_set_cannot_steer_a_terminal(tmp_path: Path, where: str
 def test_a_trial_is_not_named_after_a_file_that_steers_a_terminal(tmp_path: Path, name: str) -> None:
     walk, out = tmp_path / f"{name}.csv", tmp_path / "out"
     walk.write_text("t_s,x_m\n" + "\n".join(f"{0.1 * i},{i}" for i in range(60)))
-    assert PLAIN_NAME in refused(lambda: import_files([walk], ["stride"], out, Options()))
+    assert PLAIN_NAME in refused(lambda: import_files([walk], ["stride"], out, ImportOptions()))
     assert not out.exists()
 
 

@@ -1,4 +1,4 @@
-"""Tables of numbers as tracking programs write them: text in, named columns of cells out."""
+"""Tables of numbers in text files: cells of text are read, and columns of numbers are returned."""
 
 from __future__ import annotations
 
@@ -19,10 +19,16 @@ _LARGEST = 1e12
 
 _MISSING = {"", "nan", "na", "n/a", "none", "null", "-"}
 
+_HEAD_LINES = 500
+"""Lines from which the delimiter of a file is found."""
+
+Cells = Sequence[Sequence[str]]
+"""Cells of text by row."""
+
 
 @dataclass(frozen=True)
 class TextTable:
-    """Cells as text, by row, and the line of the file that the first row stands on.
+    """Cells of text in named columns.
 
     Attributes:
         source: the file.
@@ -34,7 +40,7 @@ class TextTable:
 
     source: Path
     head: tuple[str, ...]
-    rows: Sequence[Sequence[str]]
+    rows: Cells
     first_line: int
     decimal: str = "."
 
@@ -67,12 +73,12 @@ class TextTable:
 
 
 def read_rows(path: Path, delimiter: str = ",", lines: int | None = None) -> list[list[str]]:
-    """Return the cells of a delimited text file, stripped; empty lines stay, as empty rows.
+    """Return the cells of a delimited text file, stripped; an empty line is an empty row.
 
     Args:
         path: the file.
-        delimiter: what parts its cells.
-        lines: how many lines to look at; all by default.
+        delimiter: what separates its cells.
+        lines: how many lines to read; all by default.
 
     Raises:
         GaitoptError: the file cannot be read, or is broken.
@@ -85,13 +91,32 @@ def read_rows(path: Path, delimiter: str = ",", lines: int | None = None) -> lis
     return [[cell.strip() for cell in row] for row in rows]
 
 
-def table(
-    path: Path, rows: Sequence[Sequence[str]], head: Sequence[str], begin: int, decimal: str = "."
-) -> TextTable:
+def read_cells(path: Path) -> list[list[str]]:
+    """Return the cells of a text file with any usual delimiter, without empty rows.
+
+    The delimiter is the one that gives most of the first rows the same number of cells.
+
+    Raises:
+        GaitoptError: the file cannot be read, is broken, or is empty.
+    """
+    heads = {mark: _filled(read_rows(path, mark, _HEAD_LINES)) for mark in ("\t", ";", ",", " ")}
+    rows = _filled(read_rows(path, max(heads, key=lambda mark: _agreement(heads[mark]))))
+    if not rows:
+        raise GaitoptError(f"{path}: empty")
+    return rows
+
+
+def decimal_mark(rows: Cells) -> str:
+    """Return the decimal mark: a comma where cells hold numbers with commas and none with a point."""
+    cells = [cell for row in rows for cell in row if any(letter.isdigit() for letter in cell)]
+    return "," if any("," in cell for cell in cells) and not any("." in cell for cell in cells) else "."
+
+
+def table(path: Path, rows: Cells, head: Sequence[str], begin: int, decimal: str = ".") -> TextTable:
     """Return the rows from index `begin` under the names `head`.
 
     Raises:
-        GaitoptError: there are no rows, a name stands twice, or a row is longer than the names.
+        GaitoptError: there are no rows, a name is repeated, or a row is longer than the names.
     """
     repeated = next((name for name in head if name and list(head).count(name) > 1), None)
     if repeated is not None:
@@ -118,3 +143,16 @@ def read_csv(path: Path) -> TextTable:
     if not rows or not any(rows[0]):
         raise GaitoptError(f"{path}: no column names on its first line")
     return table(path, rows, rows[0], begin=1)
+
+
+def _filled(rows: Sequence[list[str]]) -> list[list[str]]:
+    return [row for row in rows if any(row)]
+
+
+def _agreement(rows: Cells) -> tuple[bool, float]:
+    """Return whether rows have several cells, and the share of them that have the most common number."""
+    widths = [len(row) for row in rows]
+    if not widths:
+        return False, 0.0
+    usual = max(set(widths), key=widths.count)
+    return usual > 1, widths.count(usual) / len(widths)
