@@ -1,4 +1,4 @@
-"""A servo's calibration: which pulse width turns its joint to which angle, how far and how fast."""
+"""A servo's calibration: the pulse width of each joint angle, and how far and how fast the servo turns."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Calibration(BaseModel):
         min_us, max_us: pulses that the servo takes, µs.
         us_per_deg: µs per degree; 1000 µs for 90 degrees.
         direction: 1 if longer pulses turn the joint to larger angles, -1 if to smaller ones.
-        trim_us: what the built robot needs on top of `neutral_us`, µs.
+        trim_us: what the built robot needs in addition to `neutral_us`, µs.
         speed_limit_deg_s: unloaded speed; the datasheet's 0.10 s for 60 degrees.
     """
 
@@ -59,12 +59,12 @@ class Calibration(BaseModel):
 
     @model_serializer(mode="wrap")
     def _as_written(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Dump what was set and nothing else: a copy must still tell what came from the datasheet."""
+        """Dump only what was set, so that a copy still tells which values are the datasheet's."""
         return {key: value for key, value in dump(self).items() if key in self.model_fields_set}
 
     @property
     def from_datasheet(self) -> list[str]:
-        """The values that nobody set."""
+        """The names of the values that were not set."""
         return [key for key in type(self).model_fields if key not in self.model_fields_set and key != "pin"]
 
     @property
@@ -77,7 +77,7 @@ class Calibration(BaseModel):
         return self.neutral_us + self.trim_us + self.direction * self.us_per_deg * angle_deg
 
     def angle_deg(self, pulse_us: float) -> float:
-        """Return the joint angle that a pulse width asks for, degrees."""
+        """Return the joint angle of a pulse width, degrees."""
         return self.direction * (pulse_us - self.neutral_us - self.trim_us) / self.us_per_deg
 
     @property

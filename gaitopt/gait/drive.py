@@ -1,4 +1,4 @@
-"""A drive: what is commanded over time. A periodic gait is one, logged commands are another."""
+"""Drives: what is commanded over time. A periodic gait is one kind; logged commands are another."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ Commands = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 class Drive(Protocol):
     """What is commanded over time.
 
-    Whatever asks for cycles asks for `period_s` and does without where it is None; everything else
+    Code that needs cycles asks for `period_s`, and leaves its figures out where that is None. All other code
     asks for blocks.
     """
 
     @property
     def name(self) -> str:
-        """What reports call it."""
+        """Its name in reports."""
 
     @property
     def key(self) -> str:
-        """Equal for two drives that command the same, whatever their names."""
+        """Equal for two drives with the same commands, whatever their names."""
 
     @property
     def period_s(self) -> float | None:
@@ -34,11 +34,11 @@ class Drive(Protocol):
 
     @property
     def block_s(self) -> float:
-        """Length of the blocks in which a trial is judged, s: a cycle, where there are cycles."""
+        """Length of the blocks in which a trial is judged, s: one cycle where there are cycles."""
 
     @property
     def duration_s(self) -> float | None:
-        """How long it lasts, s; None where it goes on without end."""
+        """How long it lasts, s; None where it has no end."""
 
     def targets(self, t: ArrayLike) -> NDArray[np.float64]:
         """Return the joint targets at gait times t, s, shape (n,): rad, shape (n, nu)."""

@@ -1,8 +1,8 @@
-"""A gait: one period, and per channel a periodic wave of joint targets.
+"""A gait: one period, and for each channel a periodic wave of joint targets.
 
-A channel stands at ``offset + amplitude`` while ``(t / period + phase) mod 1 < duty`` and at
-``offset`` otherwise. Smoothing replaces both edges by half-cosine ramps centred on them, so the
-timing of a gait does not move when it is smoothed, and smoothing 0 is exactly the square wave.
+A channel is at ``offset + amplitude`` while ``(t / period + phase) mod 1 < duty`` and at ``offset``
+otherwise. Smoothing replaces both edges by half-cosine ramps centred on them. So smoothing does not change
+the timing of a gait, and smoothing 0 is exactly the square wave.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from gaitopt.core.files import read_toml, write_text
 from gaitopt.core.validation import validated
 
 EDGE_TOLERANCE = 1e-9
-"""Periods: a time this close before an edge counts as after it (clocks are sums of rounded steps)."""
+"""A time this close before an edge counts as after it, in periods: clocks are sums of rounded steps."""
 
 _Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 _Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0, allow_inf_nan=False)]
@@ -133,7 +133,7 @@ class Gait:
 
     @property
     def key(self) -> str:
-        """Equal for two gaits that command the same, whatever their names."""
+        """Equal for two gaits with the same commands, whatever their names."""
         return json.dumps(self.to_dict())
 
     @property
@@ -143,7 +143,7 @@ class Gait:
 
     @property
     def duration_s(self) -> None:
-        """A gait goes on without end."""
+        """None: a gait has no end."""
         return None
 
     def peak_command_speed(self) -> NDArray[np.float64]:
@@ -171,7 +171,7 @@ class Gait:
         }
 
     def to_toml(self) -> str:
-        """Return the text of a gait file; reading it back gives this gait to the last bit."""
+        """Return the text of a gait file. Reading it gives the same gait to the last bit."""
         return tomli_w.dumps(self.to_dict())
 
     @staticmethod
@@ -195,5 +195,5 @@ def read_gait(path: Path) -> Gait:
 
 
 def write_gait(path: Path | str, gait: Gait) -> None:
-    """Write a gait file whole or not at all."""
+    """Write a gait file completely or not at all."""
     write_text(Path(path), gait.to_toml())

@@ -1,4 +1,4 @@
-"""The gait space that a search moves in: a gait as a point, one unit per range, phases circular."""
+"""The gait space of a search: a gait as a point of the unit box, with circular phases."""
 
 from __future__ import annotations
 
@@ -49,10 +49,14 @@ class Variable:
 class GaitSpace:
     """Bounds of a gait and the map between gaits and points of the unit box.
 
-    Coordinates are the logarithm of the period, then per channel duty, phase, amplitude, offset (as a
-    share of the travel that the amplitude leaves free) and smoothing. Phases count from the first
-    channel, whose own phase is no coordinate: shifting all phases alike only shifts time. A phase is
-    a circle of circumference 1, so it has no bounds and no wall at 0.
+    Coordinates are the logarithm of the period, then for each channel duty, phase, amplitude, offset (as a
+    share of the travel that the amplitude leaves free) and smoothing. Phases count from the first channel.
+    Its own phase is no coordinate, because a shift of all phases is only a shift of time. A phase is a
+    circle of circumference 1 and has no bounds.
+
+    Attributes:
+        period_s: periods allowed, s.
+        channels: what a search may do with each actuator, in the model's order.
     """
 
     period_s: Range
@@ -76,7 +80,7 @@ class GaitSpace:
         return np.array([variable.circular for variable in self.variables])
 
     def wrap(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the point of the unit box that stands for `point`: phases wrapped, the rest clipped."""
+        """Return `point` moved into the unit box: phases wrapped, all else clipped."""
         wrapped: NDArray[np.float64] = np.where(self.circular, point % 1.0, point.clip(0.0, 1.0))
         wrapped[self.circular & (wrapped == 1.0)] = 0.0  # a tiny negative phase rounds up to 1
         return wrapped
@@ -99,7 +103,7 @@ class GaitSpace:
         return Gait(min(max(period, low), high), channels, name)
 
     def encode(self, gait: Gait) -> NDArray[np.float64]:
-        """Return the point of a gait, shape (d,); what lies outside the bounds is moved to them."""
+        """Return the point of a gait, shape (d,); values outside the bounds are moved to the bounds."""
         low, high = self.period_s
         point = [_share((math.log(low), math.log(high)), math.log(gait.period_s))]
         reference_phase = gait.channels[next(iter(self.channels))].phase

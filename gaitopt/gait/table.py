@@ -1,8 +1,8 @@
 """A gait as a microcontroller plays it: pulse widths at uniform phases, with the limits of each servo.
 
-A table file, in whatever language, carries one line ``gaitopt-table: {…}`` with everything but the
-pulses, the gait's own parameters included, and the pulses as rows of numbers; so every exported file
-can be read back, and a file whose numbers were changed since does not match its hash.
+A table file of any format has one line ``gaitopt-table: {…}`` with everything but the pulses, the gait's
+own parameters included. The pulses follow as rows of numbers. So every exported file can be read back, and
+a file whose numbers were changed later does not match its hash.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FORMAT = 1
 """Version of the file format."""
 
 SAMPLES = 64
-"""Phase samples of a table unless asked otherwise: 384 bytes for three servos."""
+"""Default number of phase samples of a table: 384 bytes for three servos."""
 
 MARK = "gaitopt-table"
 
@@ -57,7 +57,7 @@ class _Header(BaseModel):
 
 @dataclass(frozen=True)
 class GaitTable:
-    """A gait with the servos that play it.
+    """A gait and the servos that play it.
 
     Attributes:
         gait: the gait that was sampled.
@@ -67,8 +67,8 @@ class GaitTable:
         frame_us: period of the servo signal, µs.
         period_us: period of the gait, µs.
         led_pin: GPIO that goes high at gait time 0, if any.
-        pulses: rows of pulses, µs: row k is the mean of the wave over the interval centred on phase
-            k / len(pulses), so that an edge between two samples keeps its time.
+        pulses: rows of pulses, µs. Row k is the mean of the wave over the interval centred on phase
+            k / len(pulses), so an edge between two samples keeps its time.
     """
 
     gait: Gait
@@ -90,7 +90,17 @@ class GaitTable:
         led_pin: int | None = None,
         samples: int = SAMPLES,
     ) -> GaitTable:
-        """Return the table of a gait whose targets lie within its servos' range."""
+        """Return the table of a gait.
+
+        Args:
+            gait: the gait; its targets lie within the servos' range.
+            servos: calibration of each channel.
+            start_deg: targets before and after the gait, degrees.
+            frame_s: period of the servo signal, s.
+            slew_us: largest change of each pulse per frame, µs; 0 where it is not limited.
+            led_pin: GPIO that goes high at gait time 0.
+            samples: number of phase samples.
+        """
         complete = {name: Calibration(**servos[name].complete) for name in gait.channels}
         start = tuple(
             _rounded(servo, servo.pulse_us(angle))
@@ -136,8 +146,7 @@ class GaitTable:
 def sampled_deg(gait: Gait, samples: int) -> NDArray[np.float64]:
     """Return the mean targets over `samples` equal intervals centred on uniform phases.
 
-    Linear interpolation between such means has the wave's own mean, and puts every edge at the
-    wave's own time.
+    Linear interpolation between such means has the mean of the wave, and every edge keeps its time.
 
     Returns:
         Degrees, shape (samples, nu).
@@ -154,7 +163,7 @@ def _rounded(servo: Calibration, pulse_us: float) -> int:
 
 
 def is_table(path: Path) -> bool:
-    """Return whether a file says that it is a gait table."""
+    """Return whether a file has the mark of a gait table."""
     return re.search(rf'{MARK}"?: *\{{', read_text(path)) is not None
 
 
@@ -162,7 +171,7 @@ def read_table(path: Path) -> GaitTable:
     """Return the table in an exported file of any format.
 
     Raises:
-        GaitoptError: the file holds no table, is of another version, or was changed since its export.
+        GaitoptError: the file has no table, is of another version, or was changed after its export.
     """
     header, pulses = _parts(read_text(path), path)
     version = header.get("format") if isinstance(header, dict) else None

@@ -1,4 +1,4 @@
-"""Where problems lie: their files, the bundled ones, and the MJCF beside a problem file."""
+"""Where to find a problem file, the bundled problems, and the MJCF beside a problem file."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.core.files import inside
 
 PROBLEM_FILE = "problem.toml"
+"""Name of the problem file in its folder."""
 
 
 def bundled_problems() -> Path:
@@ -19,7 +20,13 @@ def bundled_problems() -> Path:
 
 
 def problem_file(reference: str) -> Path:
-    """Return the problem file; an unrelated folder of the same name does not hide a bundled problem."""
+    """Return the problem file of a folder, a file or a bundled name.
+
+    A folder without a problem file does not hide a bundled problem of the same name.
+
+    Raises:
+        GaitoptError: there is no such problem.
+    """
     path = Path(reference)
     if (path / PROBLEM_FILE).is_file():
         return path / PROBLEM_FILE
@@ -38,6 +45,11 @@ def problem_file(reference: str) -> Path:
 
 
 def model_file(problem_path: Path, name: str | None) -> Path:
+    """Return the MJCF that a problem file names, or the only one in its folder.
+
+    Raises:
+        GaitoptError: it is not there, lies outside the folder, or is not the only one.
+    """
     folder = problem_path.parent
     if name is not None:
         path = inside(folder, name)

@@ -1,4 +1,4 @@
-"""A problem: a robot's MJCF and a file that says what its parameters, channels, limits and aims are."""
+"""A problem: a robot's MJCF, and a file with its parameters, channels, limits and aims."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ Part = Literal["[gait]", "[objective]", "roles.marker", "roles.pads"]
 
 @dataclass(frozen=True)
 class Problem:
-    """A checked problem: the file's content, where it and its MJCF lie, and the gaits it names.
+    """A checked problem: the content of its file, the paths of the file and its MJCF, and its baselines.
 
     Attributes:
-        file: the content as it stands in the file.
+        file: the content of the problem file.
         source: the problem file.
         model_path: the MJCF.
         baselines: the hand-tuned gaits by name.
-        carried: the MJCF and what it names by path from its folder, where the problem travels without
-            its folder; None where they are read from the disk (see `model.carrying`).
+        carried: content of the MJCF and of the files that it names, by path from its folder, for a problem
+            that travels without its folder (see `model.carrying`); None where they are read from the disk.
     """
 
     file: ProblemFile
@@ -214,7 +214,7 @@ class Problem:
         """Return the problem with more effects switched on, or with other values of those that are.
 
         Args:
-            effects: by the effect's name, what a file's table says: its parameter, and ``target``.
+            effects: by the effect's name, the keys of its table in a file: its parameter, and ``target``.
 
         Raises:
             GaitoptError: an effect is unknown, wrong or not applicable.
@@ -223,12 +223,12 @@ class Problem:
         return self._with(self.file.model_copy(update={"effects": switched_on}))
 
     def with_horizon(self, horizon: Horizon) -> Problem:
-        """Return the problem with another part of its rollouts counted."""
+        """Return the problem with another horizon: which part of a rollout counts."""
         simulation = self.simulation.model_copy(update={"horizon": horizon})
         return self._with(self.file.model_copy(update={"simulation": simulation}))
 
     def _with(self, file: ProblemFile) -> Problem:
-        """Return the problem with another file's content, and the same model."""
+        """Return the problem with another content of its file and the same MJCF."""
         return Problem.from_file(file, self.source, self.model_path, self.carried)
 
     def to_dict(self) -> dict[str, Any]:
@@ -244,11 +244,11 @@ def load_problem(reference: str | Path, parameters: Mapping[str, float] | None =
     """Return a problem from a folder, a problem TOML, or the bare name of a bundled one.
 
     Args:
-        reference: where to look.
+        reference: the folder, the file or the name.
         parameters: named model parameters to change.
 
     Raises:
-        GaitoptError: nothing is found there, or what is found is wrong.
+        GaitoptError: there is no problem, or its file is wrong.
     """
     path = problem_file(str(reference))
     file = validated(ProblemFile, read_toml(path), path)

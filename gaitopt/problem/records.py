@@ -38,8 +38,8 @@ class Parameter(_Record):
         value: nominal value in `unit`.
         unit: its unit, in words.
         origin: where the number comes from: measured, datasheet, assumed.
-        sets: MJCF attributes it is written to: XPaths ending in ``/@attribute``, each with the text
-            to write, in which ``{}`` stands for the value.
+        sets: MJCF attributes that it is written to: XPaths that end in ``/@attribute``, each with the text
+            to write, where ``{}`` stands for the value.
     """
 
     value: _Finite
@@ -56,11 +56,11 @@ class Parameter(_Record):
 
 
 class Start(_Record):
-    """The state before the gait: targets held, and whether the robot first comes to rest under them.
+    """The state before the gait: the targets held, and whether the robot first comes to rest under them.
 
     Attributes:
         ctrl_deg: held target of each channel; 0 where a channel is not named.
-        settle: let the robot come to rest; otherwise the MJCF's keyframe ``start`` is used as it is.
+        settle: let the robot come to rest; otherwise the MJCF's keyframe ``start`` is used unchanged.
     """
 
     ctrl_deg: dict[str, _Finite] = {}
@@ -136,8 +136,8 @@ class Horizon(_Record):
     """Which part of a rollout counts: whole cycles after the transient.
 
     Attributes:
-        transient_s, transient_cycles: at least this long is thrown away first.
-        measured_s, measured_cycles: at least this long is measured.
+        transient_s, transient_cycles: at least this much is left out at the beginning.
+        measured_s, measured_cycles: at least this much is measured.
     """
 
     transient_s: Annotated[_NonNegative, Field(le=1e6)] = 1.0
@@ -173,12 +173,12 @@ class ScenarioSpread(_Record):
     """How scenarios differ from the nominal robot.
 
     Attributes:
-        search, verification: how many scenarios each uses; those of verification are never searched on.
+        search, verification: number of scenarios of each; a search never sees those of verification.
         friction: half-width of the uniform relative change of every friction coefficient.
         servo_strength: half-width of the uniform relative change of the servos' torque limit.
         servo_trim_deg: half-width of the uniform zero error of each servo.
         start_pose_rad: standard deviation of the error of each joint's start angle and of the heading.
-        framed: the last scenario is played at the servo's frame rate, one frame late.
+        framed: the last scenario gets its targets at the servo's frame rate, one frame late.
     """
 
     search: Annotated[int, Field(ge=1, le=1000)] = 3
@@ -191,7 +191,12 @@ class ScenarioSpread(_Record):
 
 
 class Constraint(_Record):
-    """A limit on a metric: at most `max` and at least `min`, each with the size of a serious violation."""
+    """A limit on a metric.
+
+    Attributes:
+        max, min: the metric is at most `max` and at least `min`; one of them may be missing.
+        scale: size of a serious violation, in the metric's unit.
+    """
 
     max: float | None = None
     min: float | None = None
@@ -205,7 +210,11 @@ class Constraint(_Record):
 
 
 class Quantile(_Record):
-    """The scenario below which this share of them lies, counted from the worst."""
+    """A quantile over the scenarios.
+
+    Attributes:
+        quantile: share of the scenarios that are worse, 0 to 0.5.
+    """
 
     quantile: Annotated[float, Field(strict=True, ge=0.0, le=0.5)]
 
@@ -214,14 +223,14 @@ class Objective(_Record):
     """What to look for: weighted metrics to minimise, and limits that must hold.
 
     Attributes:
-        terms: weight of each metric in the cost (negative: more of it is better).
-        constraints: limits by metric name; a violation costs `penalty` per `scale`.
+        terms: weight of each metric in the cost; negative where more of it is better.
+        constraints: limits by metric name.
         penalty: cost of violating a constraint by its scale.
-        search_margin: share by which the search tightens every limit: it ends on a limit, and its few
-            scenarios cannot tell on which side of it.
-        over_scenarios: what a gait is worth over its scenarios: the ``mean``, by which limits hold for
-            mean metrics; the ``worst``, by which they hold in every scenario; or a quantile in between,
-            by which at most this share of the scenarios may be worse and may violate a limit.
+        search_margin: share by which the search tightens every limit. A search often ends on a limit, and
+            its few scenarios cannot tell on which side.
+        over_scenarios: how a gait is judged over its scenarios. By the ``mean``, limits hold for mean
+            metrics. By the ``worst``, they hold in every scenario. By a quantile, at most this share of
+            the scenarios may be worse, and may violate a limit.
     """
 
     terms: dict[str, _Finite]
@@ -241,20 +250,20 @@ class Objective(_Record):
 
     @property
     def worse_share(self) -> float | None:
-        """Share of the scenarios that may be worse than what a gait is worth; None for the mean."""
+        """Share of the scenarios that may be worse than a gait's cost says; None for the mean."""
         if isinstance(self.over_scenarios, Quantile):
             return self.over_scenarios.quantile
         return 0.0 if self.over_scenarios == "worst" else None
 
 
 class Planar(_Record):
-    """What the reduced planar model needs to know of a two-module crawler; all figures are the MJCF's.
+    """Names that the planar model of a two-module crawler needs; all its figures come from the MJCF.
 
     Attributes:
         middle, rear_foot, front_foot: channels that fold the arch and swing the feet.
         rear_bodies, front_bodies: bodies that move with the rear and the front module.
         rear_pad, front_pad: geoms of the pads.
-        rear_underside, front_underside: geoms that the modules stand on when their pad is retracted.
+        rear_underside, front_underside: geoms on which the modules stand when their pad is retracted.
         links: two bodies one link apart when the arch is flat.
     """
 
@@ -323,5 +332,5 @@ class ProblemFile(_Record):
 
 
 def _ceil(value: float) -> int:
-    """Round up, but not for the last bit of a quotient such as 4 / 0.1."""
+    """Round up, except where a quotient such as 4 / 0.1 is above a whole number by rounding alone."""
     return -int(-value * (1.0 - 1e-12) // 1.0)

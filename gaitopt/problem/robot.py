@@ -14,14 +14,14 @@ from gaitopt.effects.library.servo_deadband import net_torque_limits
 
 @dataclass(frozen=True)
 class Robot:
-    """Figures of a compiled robot: its weight and its servos' limits.
+    """Weight and servo limits of a compiled robot.
 
     Attributes:
         weight: N.
         torque_limit: N m, shape (nu,); inf where there is none.
         damping: of the driven joints, N m s/rad, shape (nu,): the slope of a motor's torque-speed line.
-        no_load_speed: rad/s, shape (nu,): torque limit over damping of the driven joint, where a
-            direct-current motor's torque is used up by its own speed; inf where there is no limit.
+        no_load_speed: rad/s, shape (nu,): torque limit over damping of the driven joint. At this speed the
+            damping takes all the torque of a direct-current motor. inf where there is no limit.
     """
 
     weight: float

@@ -19,10 +19,10 @@ SETTLE_LIMIT_STEPS = 1_000_000
 """Steps after which settling ends too, however small the timestep."""
 
 _SETTLE_CHUNK_S = 0.25
-"""How often it is looked whether the robot rests, s."""
+"""Time between two looks whether the robot rests, s."""
 
 _REST_SPEED = 1e-6
-"""Largest generalised speed at rest, rad/s or m/s: a hundred times below what the contract asks."""
+"""Largest generalised speed at rest, rad/s or m/s: a hundredth of the 0.1 mm/s that the contract asks for."""
 
 
 def start_targets(problem: Problem) -> NDArray[np.float64]:
