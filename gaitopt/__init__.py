@@ -1,1 +1,201 @@
-"""gaitopt: optimal gaits for small crawling robots, from a MuJoCo model to the servos."""
+"""gaitopt: optimal gaits for small crawling robots, from a MuJoCo model to the servos.
+
+    from gaitopt import Problem, compare, diagnose, optimise, simulate
+
+What is listed here is the public face: it stays where it is when modules move inside the package. Each
+name is loaded on first use, so that ``import gaitopt`` takes no time.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gaitopt.core.errors import GaitoptError
+    from gaitopt.core.progress import OnProgress, Progress
+    from gaitopt.diagnose.diagnosis import Diagnosis
+    from gaitopt.diagnose.words import answer
+    from gaitopt.export.handover import Choices, Exported
+    from gaitopt.gait.drive import Drive
+    from gaitopt.gait.gait import Channel, Gait, read_gait, write_gait
+    from gaitopt.jobs.blind import MadeCases, blind_make, blind_score
+    from gaitopt.jobs.check import audit, check
+    from gaitopt.jobs.command import CommandTable, command
+    from gaitopt.jobs.compare import compare
+    from gaitopt.jobs.diagnose import DiagnosisRun, diagnose
+    from gaitopt.jobs.draft import NewProblem, draft_problem
+    from gaitopt.jobs.effects import list_effects
+    from gaitopt.jobs.export import export
+    from gaitopt.jobs.film import FilmOptions, film
+    from gaitopt.jobs.imports import ImportRun, import_recordings
+    from gaitopt.jobs.model import model
+    from gaitopt.jobs.optimise import OptimiseRun, optimise
+    from gaitopt.jobs.outputs import NUMBERED, Stopped
+    from gaitopt.jobs.plan import plan
+    from gaitopt.jobs.simulate import Rollout, simulate
+    from gaitopt.jobs.sweep import SweepRun, sweep
+    from gaitopt.optimise.run import Optimised
+    from gaitopt.plan.plan import Plan
+    from gaitopt.problem.problem import Problem, load_problem
+    from gaitopt.robot.trajectory import Trajectory
+    from gaitopt.simulation.check import Finding
+    from gaitopt.simulation.metrics import Metrics
+
+__all__ = [
+    "NUMBERED",
+    "Channel",
+    "Choices",
+    "CommandTable",
+    "Diagnosis",
+    "DiagnosisRun",
+    "Drive",
+    "Exported",
+    "FilmOptions",
+    "Finding",
+    "Gait",
+    "GaitoptError",
+    "ImportRun",
+    "MadeCases",
+    "Metrics",
+    "NewProblem",
+    "OnProgress",
+    "OptimiseRun",
+    "Optimised",
+    "Plan",
+    "Problem",
+    "Progress",
+    "Rollout",
+    "Stopped",
+    "SweepRun",
+    "Trajectory",
+    "answer",
+    "audit",
+    "blind_make",
+    "blind_score",
+    "check",
+    "command",
+    "compare",
+    "diagnose",
+    "draft_problem",
+    "export",
+    "film",
+    "import_recordings",
+    "list_effects",
+    "load_problem",
+    "model",
+    "optimise",
+    "plan",
+    "read_gait",
+    "simulate",
+    "sweep",
+    "write_gait",
+]
+
+_HOMES = {
+    "gaitopt.core.errors": ("GaitoptError",),
+    "gaitopt.core.progress": (
+        "OnProgress",
+        "Progress",
+    ),
+    "gaitopt.diagnose.diagnosis": ("Diagnosis",),
+    "gaitopt.diagnose.words": ("answer",),
+    "gaitopt.export.handover": (
+        "Choices",
+        "Exported",
+    ),
+    "gaitopt.gait.drive": ("Drive",),
+    "gaitopt.gait.gait": (
+        "Channel",
+        "Gait",
+        "read_gait",
+        "write_gait",
+    ),
+    "gaitopt.jobs.blind": (
+        "MadeCases",
+        "blind_make",
+        "blind_score",
+    ),
+    "gaitopt.jobs.check": (
+        "audit",
+        "check",
+    ),
+    "gaitopt.jobs.command": (
+        "CommandTable",
+        "command",
+    ),
+    "gaitopt.jobs.compare": ("compare",),
+    "gaitopt.jobs.diagnose": (
+        "DiagnosisRun",
+        "diagnose",
+    ),
+    "gaitopt.jobs.draft": (
+        "NewProblem",
+        "draft_problem",
+    ),
+    "gaitopt.jobs.effects": ("list_effects",),
+    "gaitopt.jobs.export": ("export",),
+    "gaitopt.jobs.film": (
+        "FilmOptions",
+        "film",
+    ),
+    "gaitopt.jobs.imports": (
+        "ImportRun",
+        "import_recordings",
+    ),
+    "gaitopt.jobs.model": ("model",),
+    "gaitopt.jobs.optimise": (
+        "OptimiseRun",
+        "optimise",
+    ),
+    "gaitopt.jobs.outputs": (
+        "NUMBERED",
+        "Stopped",
+    ),
+    "gaitopt.jobs.plan": ("plan",),
+    "gaitopt.jobs.simulate": (
+        "Rollout",
+        "simulate",
+    ),
+    "gaitopt.jobs.sweep": (
+        "SweepRun",
+        "sweep",
+    ),
+    "gaitopt.optimise.run": ("Optimised",),
+    "gaitopt.plan.plan": ("Plan",),
+    "gaitopt.problem.problem": (
+        "Problem",
+        "load_problem",
+    ),
+    "gaitopt.robot.trajectory": ("Trajectory",),
+    "gaitopt.simulation.check": ("Finding",),
+    "gaitopt.simulation.metrics": ("Metrics",),
+}
+"""Where the names of the public face are defined."""
+
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+
+class _Face(ModuleType):
+    """This module. Jobs such as `optimise` keep their names, though packages inside have the same ones."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOME_OF and isinstance(value, ModuleType)):  # which an import inside would set
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Face
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value: object = getattr(import_module(_HOME_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

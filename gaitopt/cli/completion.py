@@ -1,16 +1,16 @@
-"""Shell completion: a static script made from the parser, so that it can never fall behind it."""
+"""Shell completion: a static script made from the commands and options, so that it always has them all."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 
+from gaitopt.cli.command import Parser
 from gaitopt.core.errors import GaitoptError, nearest
 
 SHELLS = ("bash", "zsh", "fish")
 
 
-def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
+def completion_script(parser: Parser, shell: str) -> str:
     """Return the script that completes commands, options and file names.
 
     Raises:
@@ -24,22 +24,14 @@ def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
     return _fish(words) if shell == "fish" else _bash(words, for_zsh=shell == "zsh")
 
 
-def _words(parser: argparse.ArgumentParser) -> dict[str, list[str]]:
+def _words(parser: Parser) -> dict[str, list[str]]:
     """Return what may follow each command: its options, and its actions with theirs."""
-    return {name: _following(sub) for name, sub in _commands(parser).items()}
+    return {name: _following(sub) for name, sub in parser.commands.items()}
 
 
-def _commands(parser: argparse.ArgumentParser) -> Mapping[str, argparse.ArgumentParser]:
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            return dict(action.choices)
-    return {}
-
-
-def _following(parser: argparse.ArgumentParser) -> list[str]:
-    options = [name for action in parser._actions for name in action.option_strings if name.startswith("--")]
-    inner = _commands(parser)
-    return list(dict.fromkeys([*inner, *options, *(o for sub in inner.values() for o in _following(sub))]))
+def _following(parser: Parser) -> list[str]:
+    actions = [word for sub in parser.commands.values() for word in _following(sub)]
+    return list(dict.fromkeys([*parser.commands, *parser.words, *actions]))
 
 
 def _bash(words: Mapping[str, Sequence[str]], for_zsh: bool) -> str:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gaitopt.optimise.run import Request
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.records import Horizon, ScenarioSpread, Simulation
 
-REQUEST = Request(seed=1, budget=24)
+BUDGET = 24
 """Enough to beat the hand-tuned gaits from a plan, not to find the best gait."""
 
 

@@ -1,123 +1,42 @@
-"""What a person sees in the terminal: progress on standard error, tables on standard output."""
+"""What a person reads on standard output: tables and sentences."""
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from typing import Any
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
 from rich.table import Table
 
-from gaitopt.effects.rows import EffectRow
-from gaitopt.optimise.compare import ComparedGait
-from gaitopt.optimise.study import Progress
-from gaitopt.simulation.labels import label_of, shown
+from gaitopt.core.quantities import figure, label_of, shown
 
-_PLAIN_EVERY_S = 10.0
+if TYPE_CHECKING:
+    from gaitopt.effects.rows import EffectRow
+    from gaitopt.optimise.compare import ComparedGait
+    from gaitopt.runs.summary import Summary
 
 
-@contextmanager
-def progress_display(budget: int, quiet: bool) -> Iterator[Callable[[Progress], None]]:
-    """Yield what a search calls as it goes: a bar on a terminal, a line now and then elsewhere."""
-    console = Console(stderr=True)
-    if quiet:
-        yield lambda progress: None
-    elif console.is_terminal:
-        columns = (
-            TextColumn("{task.fields[method]}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("best {task.fields[best]}"),
-            TextColumn("{task.fields[simulated]:.0f} s simulated"),
-            TimeRemainingColumn(),
+def print_report(folder: Path | None) -> None:
+    """Print where the page of a run is, where there is one."""
+    if folder is not None:
+        print(f"report: {folder / 'report.html'}")
+
+
+def print_summary(summary: Summary) -> None:
+    """Print the best gait of a search beside the baselines."""
+    rows = []
+    for row in [summary.best, *summary.baselines]:
+        met = "met" if row.constraints_met else "violated"
+        low, speed, high = (
+            f"{1e3 * value:.1f}" if isfinite(value) else "-"  # a gait that fails has no speed
+            for value in (row.speed_ci90_m_s[0], row.speed_m_s, row.speed_ci90_m_s[1])
         )
-        with Bar(*columns, console=console) as bar:
-            task = bar.add_task("search", total=budget, method="baselines", best="-", simulated=0.0)
-
-            def show(progress: Progress) -> None:
-                done = progress.done >= progress.budget
-                bar.update(
-                    task,
-                    completed=progress.done,
-                    method="verification" if done else progress.method,
-                    best=_best(progress),
-                    simulated=progress.simulated_s,
-                )
-
-            yield show
-    else:
-        yield _plain_lines(console)
-
-
-def _plain_lines(console: Console) -> Callable[[Progress], None]:
-    began = time.monotonic()
-    last, resumed = began - _PLAIN_EVERY_S, -1
-
-    def show(progress: Progress) -> None:
-        nonlocal last, resumed
-        now = time.monotonic()
-        resumed = progress.done if resumed < 0 else resumed
-        if now - last >= _PLAIN_EVERY_S or progress.done >= progress.budget:
-            last = now
-            console.print(
-                f"{progress.done}/{progress.budget} gaits, {progress.method}, best {_best(progress)}, "
-                f"{progress.simulated_s:.0f} s simulated{_time_left(progress, resumed, now - began)}",
-                highlight=False,
-            )
-
-    return show
-
-
-def _time_left(progress: Progress, resumed: int, spent_s: float) -> str:
-    """Return how long the rest of the search takes at the pace so far, in words; nothing at its ends."""
-    done, left = progress.done - resumed, progress.budget - progress.done
-    return f", about {spent_s * left / done:.0f} s left" if done > 0 and left > 0 else ""
-
-
-def _best(progress: Progress) -> str:
-    if progress.best is None:
-        return "-"
-    return f"{1e3 * progress.best.evaluation.metrics['speed_m_s']:.1f} mm/s"
-
-
-def note(text: str) -> None:
-    """Say on standard error what is being worked on."""
-    print(f"checking {text} …", file=sys.stderr)
-
-
-@contextmanager
-def steps_display(quiet: bool) -> Iterator[Callable[[str, int, int], None]]:
-    """Yield what a diagnosis calls as it goes: a bar on a terminal, a line a step elsewhere.
-
-    It is called with what is being done, how many robots have been simulated for it and how many may be at
-    most; 0 where that is not known.
-    """
-    console = Console(stderr=True)
-    if quiet:
-        yield lambda what, done, most: None
-    elif console.is_terminal:
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("robots"))
-        with Bar(*columns, TimeElapsedColumn(), console=console) as bar:
-            task = bar.add_task("", total=None)
-            yield lambda what, done, most: bar.update(
-                task, description=what, completed=done, total=most or None
-            )
-    else:
-        said: set[str] = set()
-
-        def show(what: str, done: int, most: int) -> None:
-            if what not in said:
-                said.add(what)
-                console.print(f"{what} …", highlight=False)
-
-        yield show
+        rows.append([row.name, figure(row.period_s), speed, f"{low} to {high}", met])
+    print_table(["gait", "period [s]", "speed [mm/s]", "90 % interval", "constraints"], rows)
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:

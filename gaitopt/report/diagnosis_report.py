@@ -7,50 +7,22 @@ from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from gaitopt.blind.cases import NOMINAL_FOLDER
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
 from gaitopt.diagnose.correction import walked_gaits
-from gaitopt.diagnose.diagnosis import Diagnosis, diagnose
-from gaitopt.diagnose.fit.cache import SimulationCache
-from gaitopt.diagnose.fit.fitting import Note
-from gaitopt.diagnose.record.dataset import load_dataset
+from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.words import answer, explanation
 from gaitopt.gait.gait import write_gait
 from gaitopt.problem.model import nominal_mjcf
-from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.problem import Problem
 from gaitopt.report.diagnosis import write_page
 from gaitopt.runs.folder import held, new_folder, write_into, write_problem
-from gaitopt.simulation.rollout import Simulator
 
 CORRECTED_FILE = "corrected.toml"
 """In a run folder: the problem with what was found switched on, where anything was."""
 
 NEXT_FILE = "next.toml"
 """In a run folder: the gait to measure next."""
-
-_SEED = 1
-"""Seed of the diagnoses of blind cases."""
-
-
-def diagnose_folders(folder: Path, diagnoses: Path, executor: Executor, note: Note) -> None:
-    """Diagnose every case in a folder of blind cases that has no diagnosis yet, and write run folders."""
-    problem = None
-    for case in sorted(path for path in folder.glob("case-*") if path.is_dir()):
-        out = diagnoses / case.name
-        if (out / "diagnosis.json").is_file():
-            continue
-        if problem is None:
-            problem = load_problem(folder / NOMINAL_FOLDER)
-            simulator = Simulator.build(problem)
-        note(f"diagnosing {case.name}", 0, 0)
-        dataset = load_dataset(case, problem, [name for name in simulator.signals if name])
-        memory = SimulationCache.of(out, simulator, dataset, _SEED)
-        resumed = out if out.is_dir() else None
-        with diagnosis_folder(out, resumed, problem.name):
-            found = diagnose(simulator, dataset, executor, _SEED, next_gait=False, memory=memory)
-            write_diagnosis(out, problem, found, None)
-            memory.clear()
 
 
 @contextmanager

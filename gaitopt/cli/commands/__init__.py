@@ -1,0 +1,45 @@
+"""The commands, one a file: options and printing; the work is done by `gaitopt.jobs`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gaitopt.cli.command import Command
+from gaitopt.cli.commands import (
+    blind,
+    check,
+    command,
+    compare,
+    completion,
+    demo,
+    diagnose,
+    effects,
+    export,
+    imports,
+    model,
+    new,
+    optimise,
+    plan,
+    simulate,
+    sweep,
+)
+
+COMMANDS: Sequence[Command] = (
+    optimise.COMMAND,
+    plan.COMMAND,
+    simulate.COMMAND,
+    sweep.COMMAND,
+    compare.COMMAND,
+    check.COMMAND,
+    effects.COMMAND,
+    model.COMMAND,
+    command.COMMAND,
+    diagnose.COMMAND,
+    blind.COMMAND,
+    imports.COMMAND,
+    export.COMMAND,
+    new.COMMAND,
+    demo.COMMAND,
+    completion.COMMAND,
+)
+"""Every command in the order of the help."""

@@ -1,0 +1,106 @@
+"""`gaitopt blind make` and `gaitopt blind score`: sealed cases, and how good diagnoses of them are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.options import add_executor, add_json, add_problem, problem_of, words_of
+
+_EXAMPLE = "gaitopt blind make arcfold --cases 10 --seed 1 --out cases"
+
+
+def add_make_options(parser: Parser) -> None:
+    """Add the options of ``blind make``."""
+    add_problem(parser, parameters=False)
+    parser.set_defaults(parameters=[])
+    add = parser.add_argument
+    add("--cases", type=int, metavar="N", required=True, help="how many")
+    add("--seed", type=int, default=1, help="seed of all randomness (default: 1)")
+    add("--out", type=Path, metavar="DIR", required=True, help="their folder; cases it holds are kept")
+    add("--seconds", type=float, default=12.0, metavar="S", help="length of a trial (default: 12)")
+    add("--gaits", metavar="A,B,…", help="baselines measured (default: all)")
+    about = "what is measured (default: the marker and the first servo's joint)"
+    add("--signals", metavar="A,B,…", help=about)
+    add("--kind", choices=("single", "none", "outside", "pair"), help="make this kind alone")
+    add("--only", metavar="NAME", help="with --kind: plant this effect or disturbance")
+    add_executor(parser)
+
+
+def make(options: Options) -> None:
+    """Make cases, and print where they and their truth are."""
+    from gaitopt.jobs.blind import blind_make
+
+    made = blind_make(
+        problem_of(options),
+        options.cases,
+        options.out,
+        seed=options.seed,
+        seconds=options.seconds,
+        gaits=words_of(options.gaits),
+        signals=words_of(options.signals),
+        kind=options.kind,
+        only=options.only,
+        executor=options.executor,
+        workers=options.workers,
+    )
+    print(f"{len(made.kinds)} cases: {made.folder}; their truth: {made.sealed}")
+    if made.faint:
+        print(f"drawn but too faint within their bounds, on some target or side: {', '.join(made.faint)}")
+
+
+def add_score_options(parser: Parser) -> None:
+    """Add the options of ``blind score``."""
+    add = parser.add_argument
+    add("folder", type=Path, metavar="DIR", help="the folder that blind make made")
+    about = "run folders, one a case (default: DIR/diagnoses)"
+    add("--diagnoses", type=Path, metavar="D", help=about)
+    add_json(parser)
+    add_executor(parser)
+
+
+def score(options: Options) -> None:
+    """Score diagnoses, and print the figures in words."""
+    from gaitopt.blind.scoring import sentences
+    from gaitopt.cli.progress import steps_display
+    from gaitopt.jobs.blind import blind_score
+    from gaitopt.core.json import to_json
+
+    with steps_display(options.json) as on_progress:
+        record = blind_score(
+            options.folder,
+            diagnoses=options.diagnoses,
+            executor=options.executor,
+            workers=options.workers,
+            on_progress=on_progress,
+        )
+    if options.json:
+        print(to_json(record.to_dict()), end="")
+        return
+    for sentence in sentences(record):
+        print(sentence)
+
+
+COMMAND = Command(
+    name="blind",
+    summary="make sealed cases, and score diagnoses on them",
+    example=_EXAMPLE,
+    actions=(
+        Command(
+            name="make",
+            summary="draw sealed cases",
+            description="Draw sealed cases: data sets whose cause is known to blind score alone.",
+            example=_EXAMPLE,
+            add_options=add_make_options,
+            run=make,
+        ),
+        Command(
+            name="score",
+            summary="compare diagnoses with the sealed truth",
+            description="Compare diagnoses with the sealed truth; cases without one are diagnosed first.",
+            example="gaitopt blind score cases",
+            add_options=add_score_options,
+            run=score,
+        ),
+    ),
+)

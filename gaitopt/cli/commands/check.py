@@ -1,0 +1,50 @@
+"""`gaitopt check`: the audit of a model."""
+
+from __future__ import annotations
+
+from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.options import add_executor, add_json, add_problem, add_report_folder, problem_of
+
+
+def add_options(parser: Parser) -> None:
+    """Add the options."""
+    add_problem(parser)
+    add_report_folder(parser)
+    add_json(parser)
+    add_executor(parser)
+
+
+def run(options: Options) -> None:
+    """Check, and print a line for each finding."""
+    from gaitopt.cli.display import print_report
+    from gaitopt.cli.progress import show_checks
+    from gaitopt.core.progress import silent
+    from gaitopt.jobs.check import check
+    from gaitopt.core.json import to_json
+
+    problem = problem_of(options)
+    findings = check(
+        problem,
+        executor=options.executor,
+        workers=options.workers,
+        out=options.out,
+        on_progress=silent if options.json else show_checks,
+    )
+    if options.json:
+        print(to_json({"findings": [finding.to_dict() for finding in findings]}), end="")
+        return
+    if not findings:
+        print(f"{problem.name}: nothing found")
+    for finding in findings:
+        where = f" at {finding.gait}" if finding.gait else ""
+        print(f"{finding.name}{where}: {finding.message}")
+    print_report(options.out)
+
+
+COMMAND = Command(
+    name="check",
+    summary="audit a model: what would make its gaits mean nothing on a real robot",
+    example="gaitopt check arcfold",
+    add_options=add_options,
+    run=run,
+)

@@ -1,0 +1,35 @@
+"""`gaitopt command`: what is sent to each actuator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.options import add_gait, add_problem, problem_of
+
+
+def add_options(parser: Parser) -> None:
+    """Add the options."""
+    add_problem(parser)
+    add_gait(parser)
+    add = parser.add_argument
+    add("--dt", type=float, metavar="S", required=True, help="time between rows, s")
+    add("--duration", type=float, metavar="S", required=True, help="rows end before this, s")
+    add("--out", type=Path, metavar="F.csv", required=True, help="where to write it")
+
+
+def run(options: Options) -> None:
+    """Write the table, and print where."""
+    from gaitopt.jobs.command import command
+
+    command(problem_of(options), options.gait, dt=options.dt, duration=options.duration, out=options.out)
+    print(options.out)
+
+
+COMMAND = Command(
+    name="command",
+    summary="write what is sent to each actuator",
+    example="gaitopt command arcfold square-1s --dt 0.01 --duration 2 --out command.csv",
+    add_options=add_options,
+    run=run,
+)

@@ -1,0 +1,76 @@
+"""`gaitopt export`: a gait as a table and a player for a servo board."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.options import add_executor, add_gait, add_json, add_problem, problem_of
+
+if TYPE_CHECKING:
+    from gaitopt.export.handover import Exported
+
+
+def add_options(parser: Parser) -> None:
+    """Add the options."""
+    from gaitopt.export.formats import FORMATS
+
+    add_problem(parser)
+    add_gait(parser)
+    add = parser.add_argument
+    add("--format", required=True, choices=FORMATS, help="what to write")
+    add("--out", type=Path, metavar="DIR", required=True, help="a new or an empty folder")
+    add("--clip", action="store_true", help="bring the gait inside the servos' range first")
+    about = "largest speed the player commands: off, servo (its own limit) or degrees/s (default: off)"
+    add("--slew", metavar="SPEED", default="off", help=about)
+    add("--led-pin", type=int, metavar="N", help="GPIO that goes high at gait time 0")
+    add("--samples", type=int, default=64, metavar="N", help="phase samples (default: 64)")
+    add_json(parser)
+    add_executor(parser)
+
+
+def run(options: Options) -> None:
+    """Export, and print what the servos will make of the gait."""
+    from gaitopt.export.handover import Choices
+    from gaitopt.jobs.export import export
+    from gaitopt.core.json import to_json
+
+    exported = export(
+        problem_of(options),
+        options.gait,
+        Choices(options.format, options.clip, options.slew, options.led_pin, options.samples),
+        options.out,
+        executor=options.executor,
+        workers=options.workers,
+    )
+    print(to_json(exported.to_dict()), end="") if options.json else _print_exported(exported)
+
+
+def _print_exported(exported: Exported) -> None:
+    for name, values in exported.from_datasheet.items():
+        if values:
+            print(f"{name}: from the datasheet, not measured: {', '.join(values)}")
+    for lag in exported.lags:
+        print(f"{lag.channel}: the servo falls up to {lag.angle_deg:.3g}° and {lag.time_s:.2g} s behind")
+    replay = exported.replay
+    ideal, replayed = 1e3 * replay.ideal_m_s, 1e3 * replay.replayed_m_s
+    print(f"simulated: {ideal:.2f} mm/s as a gait, {replayed:.2f} mm/s as the servos will get it", end="")
+    if replay.loss is None or replay.loss_ci90 is None:
+        print()
+    else:
+        low, high = replay.loss_ci90
+        print(f": a loss of {replay.loss:.1%} (90 % interval {low:.1%} to {high:.1%})")
+    for warning in exported.warnings:
+        print(f"warning: {warning}")
+    for file in exported.files:
+        print(file)
+
+
+COMMAND = Command(
+    name="export",
+    summary="write a gait as a table and a player for an ESP32 with RC servos, once it walks in simulation",
+    example="gaitopt export arcfold square-1s --format micropython --out walk",
+    add_options=add_options,
+    run=run,
+)

@@ -1,0 +1,42 @@
+"""`gaitopt new`: the problem file of a new robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gaitopt.cli.command import Command, Options, Parser
+
+
+def add_options(parser: Parser) -> None:
+    """Add the options."""
+    add = parser.add_argument
+    add("name", metavar="NAME", help="name of the problem and of its folder")
+    add("--mjcf", type=Path, metavar="F.xml", required=True, help="the robot")
+    add("--out", type=Path, metavar="DIR", help="the folder (default: NAME)")
+
+
+def run(options: Options) -> None:
+    """Draft, and print what was guessed and what to do next."""
+    from gaitopt.jobs.draft import draft_problem
+
+    made = draft_problem(options.name, options.mjcf, options.out)
+    draft, folder = made.draft, made.folder
+    roles = draft.roles
+    print(
+        f"channels: {', '.join(draft.channels)}; marker: {roles['marker']}; pads: {', '.join(roles['pads'])}"
+    )
+    for remark in draft.remarks:
+        print(f"guessed: {remark}")
+    print(f"wrote {folder / 'problem.toml'}: correct what is guessed, then")
+    print(f"  gaitopt check {folder}")
+    print(f"  gaitopt simulate {folder} first-guess --video {options.name}.mp4")
+    print(f"  gaitopt optimise {folder}")
+
+
+COMMAND = Command(
+    name="new",
+    summary="draft the problem file of a new robot",
+    example="gaitopt new walker --mjcf walker.xml",
+    add_options=add_options,
+    run=run,
+)

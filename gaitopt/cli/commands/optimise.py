@@ -1,0 +1,105 @@
+"""`gaitopt optimise`: baselines, search, verification and report."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.options import (
+    add_executor,
+    add_json,
+    add_problem,
+    add_quiet,
+    add_run_folder,
+    problem_of,
+)
+from gaitopt.core.errors import GaitoptError
+
+if TYPE_CHECKING:
+    from gaitopt.jobs.optimise import OptimiseRun
+    from gaitopt.jobs.outputs import Stopped
+
+
+def add_options(parser: Parser) -> None:
+    """Add the options."""
+    add_problem(parser)
+    add = parser.add_argument
+    add("--budget", type=int, help="gaits to evaluate (default: 600)")
+    add("--seed", type=int, help="seed of all randomness (default: 1)")
+    add("--method", help="default, cma-es or nelder-mead")
+    add("--warm-start", action=argparse.BooleanOptionalAction, default=None, help="start from planned gaits")
+    about = "spend half of the budget on a front of speed against cost of transport"
+    add("--pareto", action="store_const", const=True, help=about)
+    add("--resume", type=Path, metavar="DIR", help="go on with an interrupted run")
+    add("--full", action="store_true", help="add a film and sensitivities to the report")
+    add_run_folder(parser)
+    add_json(parser)
+    add_quiet(parser)
+    add_executor(parser)
+
+
+def run(options: Options) -> None:
+    """Search or go on with a search, and print the result."""
+    from gaitopt.cli.progress import search_display
+    from gaitopt.jobs.optimise import optimise
+    from gaitopt.jobs.outputs import NUMBERED, Stopped
+
+    resumed = options.resume
+    if resumed is not None and options.parameters:
+        raise GaitoptError(f"--set: not with --resume, which takes it from {resumed}")
+    try:
+        with search_display(options.quiet or options.json) as on_progress:
+            done = optimise(
+                None if resumed else problem_of(options),
+                budget=options.budget,
+                seed=options.seed,
+                method=options.method,
+                warm_start=options.warm_start,
+                pareto=options.pareto,
+                full=options.full,
+                executor=options.executor,
+                workers=options.workers,
+                out=options.out if resumed else options.out or NUMBERED,
+                resume=resumed,
+                on_progress=on_progress,
+            )
+    except Stopped as stop:
+        print_stopped(stop)
+        raise
+    print_run(done, options.json)
+
+
+def print_run(done: OptimiseRun, as_json: bool) -> None:
+    """Print the result of a search."""
+    from gaitopt.cli.display import print_report, print_summary
+    from gaitopt.report.words import answer_of
+    from gaitopt.core.json import to_json
+
+    if as_json:
+        print(to_json(done.summary.to_dict()), end="")
+    else:
+        print_summary(done.summary)
+        print(answer_of(done.summary))
+        print_report(done.folder)
+
+
+def print_stopped(stop: Stopped) -> None:
+    """Say how to go on with a search that Ctrl-C ended."""
+    path = shlex.quote(str(stop.folder))
+    print(
+        f"gaitopt: stopped after {stop.done}; go on with: gaitopt optimise {path} --resume {path}",
+        file=sys.stderr,
+    )
+
+
+COMMAND = Command(
+    name="optimise",
+    summary="run baselines, search for the best gait, verify it and report",
+    example="gaitopt optimise arcfold --budget 600 --seed 1",
+    add_options=add_options,
+    run=run,
+)

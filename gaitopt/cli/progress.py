@@ -1,0 +1,111 @@
+"""What a person sees on standard error while a job goes on: a bar on a terminal, lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+
+from gaitopt.core.progress import OnProgress, silent
+from gaitopt.core.progress import Progress as Step
+from gaitopt.optimise.study import Progress
+
+_PLAIN_EVERY_S = 10.0
+"""Seconds between lines where there is no terminal."""
+
+
+def show_checks(step: Step) -> None:
+    """Say which check begins."""
+    print(f"checking {step.stage} …", file=sys.stderr)
+
+
+@contextmanager
+def search_display(quiet: bool) -> Iterator[Callable[[Progress], None]]:
+    """Yield what a search calls as it goes on."""
+    console = Console(stderr=True)
+    if quiet:
+        yield lambda progress: None
+    elif console.is_terminal:
+        columns = (
+            TextColumn("{task.fields[method]}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("best {task.fields[best]}"),
+            TextColumn("{task.fields[simulated]:.0f} s simulated"),
+            TimeRemainingColumn(),
+        )
+        with Bar(*columns, console=console) as bar:
+            task = bar.add_task("search", total=None, method="baselines", best="-", simulated=0.0)
+
+            def show(progress: Progress) -> None:
+                done = progress.done >= progress.budget
+                bar.update(
+                    task,
+                    completed=progress.done,
+                    total=progress.budget,
+                    method="verification" if done else progress.method,
+                    best=_best(progress),
+                    simulated=progress.simulated_s,
+                )
+
+            yield show
+    else:
+        yield _plain_lines(console)
+
+
+def _plain_lines(console: Console) -> Callable[[Progress], None]:
+    began = time.monotonic()
+    last, resumed = began - _PLAIN_EVERY_S, -1
+
+    def show(progress: Progress) -> None:
+        nonlocal last, resumed
+        now = time.monotonic()
+        resumed = progress.done if resumed < 0 else resumed
+        if now - last >= _PLAIN_EVERY_S or progress.done >= progress.budget:
+            last = now
+            console.print(
+                f"{progress.done}/{progress.budget} gaits, {progress.method}, best {_best(progress)}, "
+                f"{progress.simulated_s:.0f} s simulated{_time_left(progress, resumed, now - began)}",
+                highlight=False,
+            )
+
+    return show
+
+
+def _time_left(progress: Progress, resumed: int, spent_s: float) -> str:
+    """Return how long the rest of the search takes at the pace so far, in words; nothing at its ends."""
+    done, left = progress.done - resumed, progress.budget - progress.done
+    return f", about {spent_s * left / done:.0f} s left" if done > 0 and left > 0 else ""
+
+
+def _best(progress: Progress) -> str:
+    if progress.best is None:
+        return "-"
+    return f"{1e3 * progress.best.evaluation.metrics['speed_m_s']:.1f} mm/s"
+
+
+@contextmanager
+def steps_display(quiet: bool) -> Iterator[OnProgress]:
+    """Yield what a diagnosis calls as it goes on: it counts the robots that have been simulated."""
+    console = Console(stderr=True)
+    if quiet:
+        yield silent
+    elif console.is_terminal:
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("robots"))
+        with Bar(*columns, TimeElapsedColumn(), console=console) as bar:
+            task = bar.add_task("", total=None)
+            yield lambda step: bar.update(task, description=step.stage, completed=step.done, total=step.total)
+    else:
+        said: set[str] = set()
+
+        def show(step: Step) -> None:
+            if step.stage not in said:
+                said.add(step.stage)
+                console.print(f"{step.stage} …", highlight=False)
+
+        yield show

@@ -1,0 +1,1 @@
+"""Jobs: each done from start to end in one place, for the command line and for scripts alike."""

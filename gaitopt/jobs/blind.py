@@ -1,0 +1,129 @@
+"""The jobs `blind make` and `blind score`: sealed cases, and how good diagnoses of them are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+from gaitopt.blind.answers import read_cases
+from gaitopt.blind.cases import CaseRequest, NOMINAL_FOLDER, kinds_of, make_cases
+from gaitopt.blind.factory import RecordingPlan
+from gaitopt.blind.scoring import Score, score
+from gaitopt.core.errors import bad_value
+from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.jobs.diagnose import Question, answered_into, is_finished
+from gaitopt.jobs.executor import opened
+from gaitopt.jobs.inputs import checked_seed
+from gaitopt.problem.model import carrying
+from gaitopt.problem.problem import Problem, load_problem
+
+
+@dataclass(frozen=True)
+class MadeCases:
+    """Sealed cases.
+
+    Attributes:
+        folder: their folder.
+        sealed: the folder of their truth, which only `blind_score` reads.
+        kinds: the kind of each case.
+        faint: effects that were drawn and, on some target or side, make too small a gap.
+    """
+
+    folder: Path
+    sealed: Path
+    kinds: tuple[str, ...]
+    faint: tuple[str, ...]
+
+
+def blind_make(
+    problem: Problem,
+    cases: int,
+    out: Path | str,
+    *,
+    seed: int = 1,
+    seconds: float = 12.0,
+    gaits: Sequence[str] | None = None,
+    signals: Sequence[str] | None = None,
+    kind: str | None = None,
+    only: str | None = None,
+    executor: Executor | str = "threads",
+    workers: int | None = None,
+) -> MadeCases:
+    """Make sealed cases: data sets whose cause only `blind_score` knows.
+
+    Args:
+        problem: the problem.
+        cases: how many.
+        out: their folder; cases that it holds are kept.
+        seed: seed of all randomness.
+        seconds: length of a trial, s.
+        gaits: names of the baselines measured; all by default.
+        signals: what is measured; by default the marker and the joint of the first servo.
+        kind: make this kind alone: ``single``, ``none``, ``outside`` or ``pair``.
+        only: with `kind`: plant this effect or disturbance.
+        executor: where robots are simulated: ``threads``, ``processes``, ``serial``, ``dask://HOST:PORT``
+            or an executor.
+        workers: robots simulated at once; all cores by default.
+
+    Raises:
+        GaitoptError: an argument is not allowed, or what is to be planted makes no gap.
+    """
+    problem = carrying(problem)
+    if cases < 1:
+        raise bad_value("blind make", "--cases", cases, "1 or more")
+    if only and not kind:
+        raise bad_value("blind make", "--only", only, "with --kind single or outside")
+    names = list(problem.baselines) if gaits is None else list(gaits)
+    seed = checked_seed(seed)
+    kinds = [kind] * cases if kind else kinds_of(cases, seed)
+    with opened(executor, workers) as pool:
+        request = CaseRequest(kinds, seed, RecordingPlan(names, seconds, signals), only)
+        faint = make_cases(problem, Path(out), request, pool)
+    return MadeCases(Path(out), Path(out) / "sealed", tuple(kinds), tuple(faint))
+
+
+def blind_score(
+    folder: Path | str,
+    *,
+    diagnoses: Path | str | None = None,
+    executor: Executor | str = "threads",
+    workers: int | None = None,
+    on_progress: OnProgress = silent,
+) -> Score:
+    """Compare diagnoses with the sealed truth; cases without a diagnosis are diagnosed first.
+
+    Args:
+        folder: the folder that `blind_make` made.
+        diagnoses: run folders, one for each case; ``diagnoses`` in `folder` by default.
+        executor: where robots are simulated: ``threads``, ``processes``, ``serial``, ``dask://HOST:PORT``
+            or an executor.
+        workers: robots simulated at once; all cores by default.
+        on_progress: called as each diagnosis begins.
+
+    Raises:
+        GaitoptError: there are no sealed cases, or a diagnosis fails.
+    """
+    folder = Path(folder)
+    diagnoses = folder / "diagnoses" if diagnoses is None else Path(diagnoses)
+    with opened(executor, workers) as pool:
+        _diagnose_cases(folder, diagnoses, pool, on_progress)
+    return score(read_cases(folder, diagnoses))
+
+
+def _diagnose_cases(folder: Path, diagnoses: Path, executor: Executor, on_progress: OnProgress) -> None:
+    """Diagnose every case that has no diagnosis yet, and write a run folder for each."""
+    from gaitopt.report.diagnosis_report import diagnosis_folder
+
+    problem = None
+    for case in sorted(path for path in folder.glob("case-*") if path.is_dir()):
+        out = diagnoses / case.name
+        if is_finished(out):
+            continue
+        problem = problem or carrying(load_problem(folder / NOMINAL_FOLDER))
+        on_progress(Progress(f"diagnosing {case.name}"))
+        question = Question.of(problem, case, next_gait=False)
+        resumed = out if out.is_dir() else None
+        with diagnosis_folder(out, resumed, problem.name):
+            answered_into(out, question, executor, corrected=False)

@@ -1,0 +1,54 @@
+"""The job `check`: the audit of a model."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+
+from gaitopt.core.folders import check_new_or_empty
+from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.jobs.executor import opened
+from gaitopt.jobs.outputs import Out, out_folder
+from gaitopt.problem.model import carrying
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation import check as checking
+from gaitopt.simulation.check import Finding
+
+
+def check(
+    problem: Problem,
+    *,
+    executor: Executor | str = "threads",
+    workers: int | None = None,
+    out: Out = None,
+    on_progress: OnProgress = silent,
+) -> list[Finding]:
+    """Check a model for what would make its gaits mean nothing on a real robot.
+
+    Args:
+        problem: the problem.
+        executor: where rollouts run: ``threads``, ``processes``, ``serial``, ``dask://HOST:PORT`` or an
+            executor.
+        workers: rollouts at once; all cores by default.
+        out: a new or an empty folder for the page; nothing is written without it.
+        on_progress: called as each check begins.
+
+    Returns:
+        Every defect found, the model's first and then gait by gait.
+
+    Raises:
+        GaitoptError: the model does not compile, or `out` holds something.
+    """
+    folder = out_folder(out)
+    check_new_or_empty(folder)
+    problem = carrying(problem)
+    with opened(executor, workers) as pool:
+        findings = checking.check(problem, pool, lambda stage: on_progress(Progress(stage)))
+    if out is not None:
+        from gaitopt.report.audit import write_audit
+
+        write_audit(folder, problem, findings)
+    return findings
+
+
+audit = check
+"""The same job by its other name."""

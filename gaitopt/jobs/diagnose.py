@@ -1,0 +1,256 @@
+"""The job `diagnose`: where measured trials and simulation differ, why, and what to measure next."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from gaitopt.core.errors import GaitoptError, unknown_name
+from gaitopt.core.files import read_json
+from gaitopt.core.folders import check_new_or_empty
+from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.diagnose import diagnosis as diagnosing
+from gaitopt.diagnose.diagnosis import Diagnosis
+from gaitopt.diagnose.fit.cache import SimulationCache
+from gaitopt.diagnose.record.dataset import DataSet, load_dataset
+from gaitopt.diagnose.words import answer, explanation
+from gaitopt.effects import EFFECTS
+from gaitopt.jobs.executor import opened
+from gaitopt.jobs.inputs import checked_seed
+from gaitopt.jobs.outputs import Out, Stopped, out_folder
+from gaitopt.problem.model import carrying
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation.rollout import Simulator
+
+DIAGNOSIS_FILE = "diagnosis.json"
+"""The last file of a run folder: where it is, the diagnosis is finished."""
+
+
+@dataclass(frozen=True)
+class DiagnosisRun:
+    """A finished diagnosis.
+
+    Attributes:
+        answer: the answer in one sentence.
+        explanation: what it rests on, a sentence each.
+        folder: its run folder; None where nothing was written.
+        fresh: the diagnosis; None where it was finished before and only its answer was read.
+    """
+
+    answer: str
+    explanation: tuple[str, ...]
+    folder: Path | None
+    fresh: Diagnosis | None
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """The diagnosis as records and arrays.
+
+        Raises:
+            GaitoptError: it was finished before; its content is in its folder.
+        """
+        if self.fresh is None:
+            raise GaitoptError(f"{self.folder}: finished before; see its {DIAGNOSIS_FILE}")
+        return self.fresh
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a diagnosis depends on beside its executor.
+
+    Attributes:
+        simulator: the nominal robot.
+        dataset: the measured trials.
+        seed: seed of all randomness.
+        effects: names of the effects to try; None for all that apply.
+        next_gait: whether to look for the gait to measure next.
+    """
+
+    simulator: Simulator
+    dataset: DataSet
+    seed: int = 1
+    effects: tuple[str, ...] | None = None
+    next_gait: bool = True
+
+    @staticmethod
+    def of(
+        problem: Problem,
+        folder: Path,
+        seed: int = 1,
+        effects: Collection[str] | None = None,
+        next_gait: bool = True,
+    ) -> Question:
+        """Return the question that a data set asks about a problem.
+
+        Raises:
+            GaitoptError: the model does not compile, or the data set is wrong.
+        """
+        simulator = Simulator.build(problem)
+        dataset = load_dataset(folder, problem, [name for name in simulator.signals if name])
+        chosen = None if effects is None else tuple(effects)
+        return Question(simulator, dataset, seed, chosen, next_gait)
+
+    def cache(self, folder: Path) -> SimulationCache:
+        """Return the cache, in a run folder, of what a diagnosis of it simulates."""
+        return SimulationCache.of(folder, self.simulator, self.dataset, self.seed)
+
+    def answered(
+        self, executor: Executor, on_progress: OnProgress, cache: SimulationCache | None = None
+    ) -> Diagnosis:
+        """Return the diagnosis.
+
+        Raises:
+            GaitoptError: a trial is too short, or none of the effects asked for can be tried.
+        """
+        return diagnosing.diagnose(
+            self.simulator,
+            self.dataset,
+            executor,
+            self.seed,
+            lambda stage, done, most: on_progress(Progress(stage, done, most or None, "robots")),
+            next_gait=self.next_gait,
+            among=self.effects,
+            memory=cache,
+        )
+
+
+def diagnose(
+    problem: Problem | None,
+    dataset: Path | str,
+    *,
+    effects: Collection[str] | None = None,
+    seed: int = 1,
+    next_gait: bool = True,
+    full: bool = False,
+    executor: Executor | str = "threads",
+    workers: int | None = None,
+    out: Out = None,
+    resume: Path | str | None = None,
+    on_progress: OnProgress = silent,
+) -> DiagnosisRun:
+    """Find where measured trials and simulation differ, what causes it, and what to measure next.
+
+    Args:
+        problem: the nominal robot; None only where `resume` names a finished diagnosis.
+        dataset: folder with ``dataset.toml`` and its trials.
+        effects: names of the effects to try; all that apply by default.
+        seed: seed of all randomness.
+        next_gait: whether to look for the gait to measure next.
+        full: with `out`: add a film with the measured marker to the report.
+        executor: where robots are simulated: ``threads``, ``processes``, ``serial``, ``dask://HOST:PORT``
+            or an executor.
+        workers: robots simulated at once; all cores by default.
+        out: a new or an empty folder for the run; nothing is left behind without it.
+        resume: the folder of an interrupted diagnosis to go on with, to the same bits.
+        on_progress: called as it goes on, with the number of robots simulated.
+
+    Raises:
+        GaitoptError: the data set is wrong, an effect is unknown or none applies, or the folder is in use.
+        Stopped: Ctrl-C ended a diagnosis that can be resumed.
+    """
+    if resume is not None:
+        _check_resumed(Path(resume), out)
+        if is_finished(resume):
+            return _read(Path(resume))
+    check_new_or_empty(out_folder(out))
+    if problem is None:
+        raise GaitoptError("diagnose: found no problem and no finished diagnosis")
+    problem = carrying(problem)
+    for name in effects or ():
+        if name not in EFFECTS:
+            raise unknown_name("diagnose", "effect in --effects:", name, EFFECTS)
+    question = Question.of(problem, Path(dataset), checked_seed(seed), effects, next_gait)
+    if out is None and resume is None:
+        with opened(executor, workers) as pool:
+            return _run(question.answered(pool, on_progress), None)
+    from gaitopt.report.diagnosis_report import diagnosis_folder
+
+    resumed = None if resume is None else Path(resume)
+    with (
+        diagnosis_folder(out_folder(out), resumed, problem.name) as folder,
+        opened(executor, workers) as pool,
+    ):
+        if resumed is not None and not question.cache(folder).count:
+            raise GaitoptError(
+                f"--resume: {folder}: nothing was simulated there with this problem, data set and seed"
+            )
+        return _run(answered_into(folder, question, pool, on_progress, full=full), folder)
+
+
+def answered_into(
+    folder: Path,
+    question: Question,
+    executor: Executor,
+    on_progress: OnProgress = silent,
+    *,
+    corrected: bool = True,
+    full: bool = False,
+) -> Diagnosis:
+    """Return a diagnosis and write its run folder; what it simulates is kept there until it is finished.
+
+    Args:
+        folder: the run folder, held by the caller.
+        question: the question.
+        executor: where robots are simulated.
+        on_progress: called as it goes on.
+        corrected: whether gaits of the corrected robot are simulated for the page.
+        full: whether the page has a film.
+
+    Raises:
+        GaitoptError: as of `Question.answered`, or a file cannot be written.
+        Stopped: Ctrl-C ended it, and it can be resumed.
+    """
+    from gaitopt.report.diagnosis_report import write_diagnosis
+
+    cache = question.cache(folder)
+    with _stoppable(cache, folder):
+        diagnosis = question.answered(executor, on_progress, cache)
+        walk = executor if corrected else None
+        write_diagnosis(folder, question.simulator.problem, diagnosis, walk, full)
+    cache.clear()
+    return diagnosis
+
+
+def is_finished(folder: Path | str | None) -> bool:
+    """Return whether a folder is the run folder of a finished diagnosis."""
+    return folder is not None and (Path(folder) / DIAGNOSIS_FILE).is_file()
+
+
+def _check_resumed(folder: Path, out: Out) -> None:
+    if out is not None:
+        raise GaitoptError(f"--out: not with --resume, which goes on in {folder}")
+    if not folder.is_dir():
+        raise GaitoptError(f"--resume: {folder}: no such folder")
+
+
+def _run(diagnosis: Diagnosis, folder: Path | None) -> DiagnosisRun:
+    return DiagnosisRun(answer(diagnosis), tuple(explanation(diagnosis)), folder, diagnosis)
+
+
+def _read(folder: Path) -> DiagnosisRun:
+    """Return a finished diagnosis as its file has it.
+
+    Raises:
+        GaitoptError: the file is not one of a diagnosis.
+    """
+    path = folder / DIAGNOSIS_FILE
+    content = read_json(path)
+    said = (content.get("answer"), content.get("explanation")) if isinstance(content, dict) else ()
+    if not (said and isinstance(said[0], str) and isinstance(said[1], list)):
+        raise GaitoptError(f"{path}: not the answer of a diagnosis: changed since?")
+    return DiagnosisRun(said[0], tuple(map(str, said[1])), folder, None)
+
+
+@contextmanager
+def _stoppable(cache: SimulationCache, folder: Path) -> Iterator[None]:
+    """Where Ctrl-C ends a diagnosis that has begun, say where it can be resumed."""
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        count = cache.count
+        if not count:
+            raise
+        raise Stopped(f"{count} robots", folder) from stop

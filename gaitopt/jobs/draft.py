@@ -1,0 +1,36 @@
+"""The job `new`: a commented problem file for a new robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from gaitopt.problem.draft import Draft, make_problem
+
+
+@dataclass(frozen=True)
+class NewProblem:
+    """A problem folder that was drafted.
+
+    Attributes:
+        folder: the folder.
+        draft: what was read and guessed of the robot.
+    """
+
+    folder: Path
+    draft: Draft
+
+
+def draft_problem(name: str, mjcf: Path | str, out: Path | str | None = None) -> NewProblem:
+    """Draft the problem file of a new robot, in a folder with its MJCF.
+
+    Args:
+        name: name of the problem.
+        mjcf: the robot.
+        out: a new or an empty folder; named after the problem by default.
+
+    Raises:
+        GaitoptError: the name or the MJCF cannot be used, or the folder holds something.
+    """
+    folder = Path(name if out is None else out)
+    return NewProblem(folder, make_problem(name, Path(mjcf), folder))

@@ -1,0 +1,47 @@
+"""Arguments of jobs, checked: gaits by name or path, seeds, positive numbers."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from gaitopt.core.errors import GaitoptError
+from gaitopt.gait.gait import Gait
+from gaitopt.problem.problem import Problem
+
+
+def checked_seed(seed: int) -> int:
+    """Return a seed.
+
+    Raises:
+        GaitoptError: it is negative.
+    """
+    if seed < 0:
+        raise GaitoptError(f"--seed: found {seed}; allowed: 0 or more")
+    return seed
+
+
+def found_gait(problem: Problem, gait: Gait | str | Path, in_range: bool = True) -> Gait:
+    """Return a gait of a problem.
+
+    Args:
+        problem: the problem.
+        gait: a gait, or what `Problem.find_gait` finds by name or path.
+        in_range: whether its targets have to be inside the servos' ranges.
+
+    Raises:
+        GaitoptError: there is no such gait, or it does not fit the problem.
+    """
+    if isinstance(gait, Gait):
+        return problem.check_gait(gait, gait.name or "gait", in_range)
+    return problem.find_gait(str(gait), in_range=in_range)
+
+
+def check_positive(option: str, value: float | None) -> None:
+    """Check that a number, where it is given, is positive and finite.
+
+    Raises:
+        GaitoptError: it is not.
+    """
+    if value is not None and not (math.isfinite(value) and value > 0.0):
+        raise GaitoptError(f"--{option}: found {value:g}; allowed: a positive number")

@@ -1,0 +1,194 @@
+"""The job `optimise`: baselines, plan, search, verification and report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from gaitopt.core.errors import GaitoptError, nearest
+from gaitopt.optimise.study import OnSearchProgress
+from gaitopt.jobs.executor import check_executor, opened
+from gaitopt.jobs.inputs import checked_seed
+from gaitopt.jobs.outputs import Out, Stopped, out_folder
+from gaitopt.optimise import run as search
+from gaitopt.optimise.journal import Journal, at_rung, ranked
+from gaitopt.optimise.run import DEFAULT_BUDGET, Optimised, Request
+from gaitopt.optimise.sensitivity import Sensitivity, sensitivities
+from gaitopt.optimise.study import METHODS
+from gaitopt.problem.model import carrying
+from gaitopt.problem.problem import Problem
+from gaitopt.runs.run_folder import RunFolder
+from gaitopt.runs.summary import Summary
+from gaitopt.simulation.objective import check_searchable
+
+
+@dataclass(frozen=True)
+class OptimiseRun:
+    """A finished search.
+
+    Attributes:
+        summary: its figures, as in ``summary.json``.
+        folder: its run folder; None where nothing was written.
+        fresh: what was found; None where the run was finished before and only its summary was read.
+    """
+
+    summary: Summary
+    folder: Path | None
+    fresh: Optimised | None
+
+    @property
+    def optimised(self) -> Optimised:
+        """What was found: the best gait, the baselines and every evaluation.
+
+        Raises:
+            GaitoptError: the run was finished before; its evaluations are in its folder.
+        """
+        if self.fresh is None:
+            raise GaitoptError(f"{self.folder}: finished before; see its best.toml and evaluations.csv")
+        return self.fresh
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What a search is to do: the problem, the request, whether the report is a full one, and where."""
+
+    problem: Problem
+    request: Request
+    sensitivities: bool
+    full: bool
+    executor: Executor | str
+    workers: int | None
+    on_progress: OnProgress
+
+
+def optimise(
+    problem: Problem | None = None,
+    *,
+    budget: int | None = None,
+    seed: int | None = None,
+    method: str | None = None,
+    warm_start: bool | None = None,
+    pareto: bool | None = None,
+    full: bool = False,
+    sensitivity: bool = True,
+    executor: Executor | str = "threads",
+    workers: int | None = None,
+    out: Out = None,
+    resume: Path | str | None = None,
+    on_progress: OnProgress = silent,
+) -> OptimiseRun:
+    """Search for the best gait of a problem and verify it beside the hand-tuned ones.
+
+    The result depends on the problem, `seed`, `budget`, `method`, `warm_start` and `pareto` alone.
+
+    Args:
+        problem: the problem; not needed with `resume`, which takes it from the folder.
+        budget: gaits to evaluate; 600 by default.
+        seed: seed of all randomness; 1 by default.
+        method: ``default``, ``cma-es`` or ``nelder-mead``.
+        warm_start: whether to start from planned gaits, where the problem has a planar model; yes by
+            default.
+        pareto: whether to spend half of the budget on a front of speed against cost of transport.
+        full: with `out`: add a film, and the sensitivities of the best gait, to the report.
+        sensitivity: with `full`: whether the sensitivities are among it.
+        executor: where rollouts run: ``threads``, ``processes``, ``serial``, ``dask://HOST:PORT`` or an
+            executor.
+        workers: rollouts at once; all cores by default.
+        out: a new or an empty folder for the run; nothing is left behind without it.
+        resume: the folder of an interrupted run to go on with, to the bits of an uninterrupted one.
+        on_progress: called as each batch of gaits ends.
+
+    Raises:
+        GaitoptError: the request or the objective is wrong, every gait failed, or the folder is in use.
+        Stopped: Ctrl-C ended a search that can be resumed.
+    """
+    check_executor(executor, workers)
+    if resume is not None:
+        given = {
+            "budget": budget,
+            "seed": seed,
+            "method": method,
+            "warm-start": warm_start,
+            "pareto": pareto,
+            "out": out,
+        }
+        for name, value in given.items():
+            if value is not None:
+                raise GaitoptError(f"--{name}: not with --resume, which takes it from {resume}")
+        reopened = RunFolder.reopen(Path(resume))
+        folder, problem, request = reopened.folder, reopened.problem, reopened.request
+    else:
+        if problem is None:
+            raise GaitoptError("optimise: found no problem and no run to resume")
+        problem = carrying(problem)
+        request = _request(budget, seed, method, warm_start is not False, bool(pareto))
+        check_searchable(problem)
+        if out is None:
+            work = _Work(problem, request, False, False, executor, workers, on_progress)
+            with TemporaryDirectory() as name:
+                optimised, _ = _search(work, Path(name) / "evaluations.csv")
+            return OptimiseRun(Summary.of(problem, optimised), None, optimised)
+        folder = RunFolder.create(out_folder(out), problem, request)
+    work = _Work(problem, request, full and sensitivity, full, executor, workers, on_progress)
+    with folder, _stoppable(folder, problem):
+        return _in_folder(folder, work)
+
+
+def _request(budget: int | None, seed: int | None, method: str | None, warm: bool, pareto: bool) -> Request:
+    """Return a request.
+
+    Raises:
+        GaitoptError: a part of it is not allowed.
+    """
+    budget = DEFAULT_BUDGET if budget is None else budget
+    if budget < 1:
+        raise GaitoptError(f"--budget: found {budget}; allowed: 1 or more")
+    seed = checked_seed(1 if seed is None else seed)
+    method = method or "default"
+    if method not in METHODS:
+        raise GaitoptError(
+            f"--method: found {method!r}; allowed: {', '.join(METHODS)}{nearest(method, METHODS)}"
+        )
+    return Request(seed, budget, method, warm, pareto)
+
+
+def _search(work: _Work, journal: Path) -> tuple[Optimised, list[Sensitivity]]:
+    """Search, or go on with a search whose journal holds the beginning."""
+    problem = carrying(work.problem)
+    with opened(work.executor, work.workers) as pool:
+        optimised = search.optimise(problem, work.request, Journal(journal, problem), pool, work.on_progress)
+        if not work.sensitivities:
+            return optimised, []
+        return optimised, sensitivities(problem, optimised.best.gait, work.request.seed, pool)
+
+
+def _in_folder(folder: RunFolder, work: _Work) -> OptimiseRun:
+    """Do or go on with the work of a run; a finished one is only read."""
+    from gaitopt.report.search import write_report
+
+    finished = folder.summary
+    if finished is not None:
+        return OptimiseRun(finished, folder.path, None)
+    optimised, sensitive = _search(work, folder.journal)
+    problem = carrying(work.problem)
+    write_report(folder, problem, optimised, work.full, sensitive)
+    summary = folder.write_results(problem, optimised)  # last: it says that the run is done
+    return OptimiseRun(summary, folder.path, optimised)
+
+
+@contextmanager
+def _stoppable(folder: RunFolder, problem: Problem) -> Iterator[None]:
+    """Where Ctrl-C ends a run that has begun, say what it has found and where it can be resumed."""
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        if not folder.started:
+            raise
+        entries = Journal(folder.journal, problem).entries
+        best = ranked(at_rung(entries))[0].evaluation
+        found = f"{1e3 * best.metrics['speed_m_s']:.1f} mm/s" if best.status == "ok" else "none that walks"
+        raise Stopped(f"{len(entries)} gaits, best so far {found}", folder.path) from stop

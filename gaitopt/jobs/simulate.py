@@ -1,0 +1,94 @@
+"""The job `simulate`: one gait on the nominal robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gaitopt.core.files import write_text
+from gaitopt.gait.gait import Gait
+from gaitopt.jobs.film import FilmOptions, check_film_request, takes_of
+from gaitopt.jobs.inputs import found_gait
+from gaitopt.problem.model import carrying
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.robot import Robot
+from gaitopt.robot.trajectory import Trajectory
+from gaitopt.simulation.metrics import Metrics, measure
+from gaitopt.simulation.rollout import Simulator
+
+if TYPE_CHECKING:
+    from gaitopt.report.film.take import Take
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """One simulated gait.
+
+    Attributes:
+        gait: the gait.
+        trajectory: its time series.
+        metrics: its metrics, by name.
+        takes: what its film shows, from left to right; empty where none was asked for.
+    """
+
+    gait: Gait
+    trajectory: Trajectory
+    metrics: Metrics
+    takes: tuple[Take, ...] = field(default=(), repr=False)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the row that `gaitopt simulate` prints."""
+        head = {"name": self.gait.name, "period_s": self.gait.period_s, "status": self.trajectory.status}
+        return head | dict(self.metrics)
+
+
+def simulate(
+    problem: Problem,
+    gait: Gait | str | Path,
+    *,
+    csv: Path | str | None = None,
+    video: Path | str | None = None,
+    film: FilmOptions | None = None,
+    view: bool = False,
+) -> Rollout:
+    """Simulate one gait on the nominal robot.
+
+    Args:
+        problem: the problem.
+        gait: a gait, or what `Problem.find_gait` finds by name or path.
+        csv: where to write the time series.
+        video: where to write a film: ``.mp4``, ``.gif`` or ``.webp``.
+        film: what else the film shows, and how long it is.
+        view: whether `view_rollout` is to show it afterwards in MuJoCo's viewer.
+
+    Raises:
+        GaitoptError: the gait does not fit the problem, the model does not compile, or a file cannot be
+            written.
+    """
+    film = film or FilmOptions()
+    check_film_request(video, film, view)
+    problem = carrying(problem)
+    gait = found_gait(problem, gait)
+    simulator = Simulator.build(problem)
+    takes = takes_of(simulator, [gait], film) if video is not None or view else []
+    trajectory = takes[0].trajectory if takes else simulator.run(gait)
+    if csv is not None:
+        write_text(Path(csv), simulator.observe(trajectory).to_csv())
+    metrics = measure(problem, gait, trajectory, Robot.of(simulator.models[0]))
+    if video is not None:
+        from gaitopt.report.film.film import write_film
+
+        write_film(Path(video), takes, end=film.seconds)
+    return Rollout(gait, trajectory, metrics, tuple(takes))
+
+
+def view_rollout(rollout: Rollout) -> None:
+    """Play a gait in MuJoCo's viewer until its window is closed; `simulate` needs ``view=True``.
+
+    Raises:
+        GaitoptError: there is no screen.
+    """
+    from gaitopt.report.film.viewer import view
+
+    view(rollout.takes[0])
