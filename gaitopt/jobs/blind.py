@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gaitopt.blind.answers import read_cases
-from gaitopt.blind.cases import CaseRequest, NOMINAL_FOLDER, kinds_of, make_cases
+from gaitopt.blind.cases import NOMINAL_FOLDER, CaseRequest, kinds_of, make_cases
 from gaitopt.blind.factory import RecordingPlan
 from gaitopt.blind.scoring import Score, score
 from gaitopt.core.errors import bad_value

@@ -60,7 +60,7 @@ def command(
         raise GaitoptError(f"--dt: found {dt:g}; allowed: at most 50 million rows, not {ratio:.3g}")
     problem = carrying(problem)
     build_model(problem)  # the channels are the model's actuators in order
-    time = np.arange(math.ceil(ratio)) * dt
+    time: NDArray[np.float64] = np.arange(math.ceil(ratio), dtype=np.float64) * dt
     targets = servo_commands(problem, found_gait(problem, gait), time)
     table = CommandTable(time, dict(zip(problem.channel_names, targets.T, strict=True)))
     if out is not None:

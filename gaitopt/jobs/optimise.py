@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,7 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from gaitopt.core.errors import GaitoptError, nearest
-from gaitopt.optimise.study import OnSearchProgress
 from gaitopt.jobs.executor import check_executor, opened
 from gaitopt.jobs.inputs import checked_seed
 from gaitopt.jobs.outputs import Out, Stopped, out_folder
@@ -18,12 +17,15 @@ from gaitopt.optimise import run as search
 from gaitopt.optimise.journal import Journal, at_rung, ranked
 from gaitopt.optimise.run import DEFAULT_BUDGET, Optimised, Request
 from gaitopt.optimise.sensitivity import Sensitivity, sensitivities
-from gaitopt.optimise.study import METHODS
+from gaitopt.optimise.study import METHODS, Progress
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.run_folder import RunFolder
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import check_searchable
+
+OnSearchProgress = Callable[[Progress], None]
+"""Called as each batch of gaits ends."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class _Work:
     full: bool
     executor: Executor | str
     workers: int | None
-    on_progress: OnProgress
+    on_progress: OnSearchProgress
 
 
 def optimise(
@@ -79,7 +81,7 @@ def optimise(
     workers: int | None = None,
     out: Out = None,
     resume: Path | str | None = None,
-    on_progress: OnProgress = silent,
+    on_progress: OnSearchProgress = lambda progress: None,
 ) -> OptimiseRun:
     """Search for the best gait of a problem and verify it beside the hand-tuned ones.
 

@@ -61,8 +61,8 @@ def sweep(
         rows = sweeping.sweep(points, pool)
     if out is None:
         return SweepRun(rows, None)
-    from gaitopt.report.sweep import write_sweep
     from gaitopt.core.json import to_json
+    from gaitopt.report.sweep import write_sweep
 
     folder = write_sweep(out_folder(out), problem, points)
     write_text(folder / "sweep.json", to_json({"rows": [row.to_dict() for row in rows]}))

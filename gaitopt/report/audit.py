@@ -21,7 +21,7 @@ from gaitopt.simulation.labels import title_of
 from gaitopt.simulation.rollout import Simulator
 
 
-def write_audit(path: Path, problem: Problem, findings: Sequence[Finding]) -> Path:
+def write_audit(path: Path | None, problem: Problem, findings: Sequence[Finding]) -> Path:
     """Write the page, the figures and the findings of an audit, and return their folder.
 
     Args:

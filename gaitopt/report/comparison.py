@@ -22,7 +22,7 @@ from gaitopt.simulation.rollout import Simulator
 
 
 def write_comparison(
-    path: Path, problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait], seed: int
+    path: Path | None, problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait], seed: int
 ) -> Path:
     """Write the page, the figures and the rows of a comparison, and return their folder.
 

@@ -5,16 +5,15 @@ and few scenarios. Set-up and the test command itself are left out. At full budg
 `tests/studies/walk.py`, by hand.
 """
 
-import argparse
 import contextlib
-import functools
 import os
 import re
 import shlex
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import pytest
@@ -24,11 +23,12 @@ from planting import dataset, filmed
 
 from gaitopt.cli import app as cli
 from gaitopt.cli import demo
+from gaitopt.cli.command import Command
+from gaitopt.cli.commands import COMMANDS
 from gaitopt.cli.demo import demo_problem
 from gaitopt.core.files import write_text
-from gaitopt.optimise.run import Request
+from gaitopt.diagnose import diagnosis
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.report import diagnosis_report
 from gaitopt.simulation.rollout import Simulator
 
 ROOT = Path(__file__).parents[2]
@@ -48,10 +48,14 @@ def workplace(
     """A folder in which the bundled names mean quick copies; plans have few starts, films few pictures."""
     for module, name, value in brief_studies():
         monkeypatch.setattr(module, name, value)
-    few = functools.partial(diagnosis_report.diagnose, among=["ground_slope", "camera_scale"])
-    monkeypatch.setattr(diagnosis_report, "diagnose", few)
+    whole = diagnosis.diagnose
+
+    def brief(*arguments: Any, among: Sequence[str] | None, **options: Any) -> diagnosis.Diagnosis:
+        return whole(*arguments, among=among or ["ground_slope", "camera_scale"], **options)
+
+    monkeypatch.setattr(diagnosis, "diagnose", brief)
     monkeypatch.setattr(demo, "demo_problem", lambda: quick)
-    monkeypatch.setattr(demo, "REQUEST", Request(budget=BUDGET))
+    monkeypatch.setattr(demo, "BUDGET", BUDGET)
     for name in ("arcfold", "arcfold-published"):
         shutil.copytree(quick_folder, name)
     return in_a_folder_of_its_own
@@ -152,7 +156,7 @@ def test_the_examples_of_the_help() -> None:
     film_of_a_robot(Path("walk.txt"))
     arcfold = Path("arcfold") / "arcfold.xml"
     write_text(Path("walker.xml"), arcfold.read_text())
-    found = dict(examples(cli.build_parser(), "gaitopt"))
+    found = dict(examples(COMMANDS, "gaitopt"))
     assert {"gaitopt blind make", "gaitopt blind score"} < set(found)
     assert all(command.startswith(name) for name, command in found.items())
     run_elsewhere = readme()
@@ -162,13 +166,11 @@ def test_the_examples_of_the_help() -> None:
             execute(command)
 
 
-def examples(parser: argparse.ArgumentParser, name: str) -> Iterator[tuple[str, str]]:
+def examples(commands: Sequence[Command], name: str) -> Iterator[tuple[str, str]]:
     """Yield every command, and every action of one, with its example."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for word, sub in action.choices.items():
-                yield f"{name} {word}", (sub.epilog or "").removeprefix("example: ")
-                yield from examples(sub, f"{name} {word}")
+    for command in commands:
+        yield f"{name} {command.name}", command.example
+        yield from examples(command.actions, f"{name} {command.name}")
 
 
 def test_the_demos_problem_is_shorter_than_the_real_one() -> None:

@@ -63,8 +63,8 @@ def score(options: Options) -> None:
     """Score diagnoses, and print the figures in words."""
     from gaitopt.blind.scoring import sentences
     from gaitopt.cli.progress import steps_display
-    from gaitopt.jobs.blind import blind_score
     from gaitopt.core.json import to_json
+    from gaitopt.jobs.blind import blind_score
 
     with steps_display(options.json) as on_progress:
         record = blind_score(

@@ -18,9 +18,9 @@ def run(options: Options) -> None:
     """Check, and print a line for each finding."""
     from gaitopt.cli.display import print_report
     from gaitopt.cli.progress import show_checks
+    from gaitopt.core.json import to_json
     from gaitopt.core.progress import silent
     from gaitopt.jobs.check import check
-    from gaitopt.core.json import to_json
 
     problem = problem_of(options)
     findings = check(

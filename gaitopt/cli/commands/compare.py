@@ -27,9 +27,9 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Compare, and print a row and a sentence for each gait."""
     from gaitopt.cli.display import print_comparison, print_report
+    from gaitopt.core.json import to_json
     from gaitopt.jobs.compare import compare
     from gaitopt.report.words import verdicts
-    from gaitopt.core.json import to_json
 
     rows = compare(
         problem_of(options),

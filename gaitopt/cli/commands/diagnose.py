@@ -68,8 +68,8 @@ def run(options: Options) -> None:
 def _print_run(done: DiagnosisRun, as_json: bool) -> None:
     from gaitopt.cli.display import print_report
     from gaitopt.core.files import read_json
-    from gaitopt.jobs.diagnose import DIAGNOSIS_FILE
     from gaitopt.core.json import to_json
+    from gaitopt.jobs.diagnose import DIAGNOSIS_FILE
 
     if as_json and done.folder is not None:
         print(to_json(read_json(done.folder / DIAGNOSIS_FILE)), end="")

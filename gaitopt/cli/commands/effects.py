@@ -16,8 +16,8 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Print the effects, and which of them apply to a problem."""
     from gaitopt.cli.display import print_effects
-    from gaitopt.jobs.effects import list_effects
     from gaitopt.core.json import to_json
+    from gaitopt.jobs.effects import list_effects
 
     if options.problem is None and options.parameters:
         raise GaitoptError("--set: found no PROBLEM to set a parameter of")

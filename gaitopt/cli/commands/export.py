@@ -32,9 +32,9 @@ def add_options(parser: Parser) -> None:
 
 def run(options: Options) -> None:
     """Export, and print what the servos will make of the gait."""
+    from gaitopt.core.json import to_json
     from gaitopt.export.handover import Choices
     from gaitopt.jobs.export import export
-    from gaitopt.core.json import to_json
 
     exported = export(
         problem_of(options),

@@ -26,9 +26,9 @@ def add_options(parser: Parser) -> None:
 
 def run(options: Options) -> None:
     """Import, and print what was read and what is wrong with it."""
+    from gaitopt.core.json import to_json
     from gaitopt.diagnose.record.importers import Options as Unsaid
     from gaitopt.jobs.imports import import_recordings
-    from gaitopt.core.json import to_json
 
     unsaid = Unsaid(
         fps=options.fps,

@@ -76,8 +76,8 @@ def run(options: Options) -> None:
 def print_run(done: OptimiseRun, as_json: bool) -> None:
     """Print the result of a search."""
     from gaitopt.cli.display import print_report, print_summary
-    from gaitopt.report.words import answer_of
     from gaitopt.core.json import to_json
+    from gaitopt.report.words import answer_of
 
     if as_json:
         print(to_json(done.summary.to_dict()), end="")

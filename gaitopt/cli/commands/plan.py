@@ -16,9 +16,9 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Plan, and print the planned gaits beside the baselines."""
     from gaitopt.cli.display import print_rows
+    from gaitopt.core.json import to_json
     from gaitopt.jobs.plan import plan
     from gaitopt.plan.plan import MISSES, plan_rows
-    from gaitopt.core.json import to_json
 
     problem = problem_of(options)
     found = plan(problem, seed=options.seed)

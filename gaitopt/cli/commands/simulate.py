@@ -29,9 +29,9 @@ def run(options: Options) -> None:
         if getattr(options, name) is not None and options.video is None:
             raise GaitoptError(f"--{name}: found no --video to go with it")
     from gaitopt.cli.display import print_rows
+    from gaitopt.core.json import to_json
     from gaitopt.jobs.film import FilmOptions
     from gaitopt.jobs.simulate import simulate, view_rollout
-    from gaitopt.core.json import to_json
 
     film = FilmOptions(options.beside, options.measured, options.seconds)
     rollout = simulate(

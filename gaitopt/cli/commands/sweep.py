@@ -20,9 +20,9 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Sweep, and print a row for each value."""
     from gaitopt.cli.display import print_rows
+    from gaitopt.core.json import to_json
     from gaitopt.jobs.outputs import NUMBERED
     from gaitopt.jobs.sweep import sweep
-    from gaitopt.core.json import to_json
 
     swept = sweep(
         problem_of(options),

@@ -1,6 +1,6 @@
-"""What a person sees in the terminal."""
+"""What a person sees on the terminal while a job goes on."""
 
-from gaitopt.cli.display import _time_left
+from gaitopt.cli.progress import _time_left
 from gaitopt.optimise.study import Progress
 
 
