@@ -12,7 +12,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from gaitopt.core.quantities import figure, label_of, shown
+from gaitopt.core.quantities import figure
+from gaitopt.simulation.labels import label_of, shown
 
 if TYPE_CHECKING:
     from gaitopt.effects.rows import EffectRow

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gaitopt.diagnose.record.defects import Defect
-from gaitopt.diagnose.record.importers import Imported, Options, import_files
+from gaitopt.diagnose.record.defect import Defect
+from gaitopt.diagnose.record.export import ImportOptions
+from gaitopt.diagnose.record.importing import Imported, import_files
 from gaitopt.jobs.inputs import check_positive
 
 
@@ -44,7 +45,7 @@ def import_recordings(
     files: Sequence[Path | str],
     gaits: Sequence[str] | str,
     out: Path | str,
-    options: Options | None = None,
+    options: ImportOptions | None = None,
 ) -> ImportRun:
     """Write a data set of exports of tracking programs; nothing is written unless all can be read.
 
@@ -57,7 +58,7 @@ def import_recordings(
     Raises:
         GaitoptError: the folder holds something, or a file cannot be imported.
     """
-    options = options or Options()
+    options = options or ImportOptions()
     check_positive("fps", options.fps)
     check_positive("scale-m-per-px", options.scale_m_per_px)
     paths = tuple(map(Path, files))

@@ -27,10 +27,10 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Import, and print what was read and what is wrong with it."""
     from gaitopt.core.json import to_json
-    from gaitopt.diagnose.record.importers import Options as Unsaid
+    from gaitopt.diagnose.record.export import ImportOptions
     from gaitopt.jobs.imports import import_recordings
 
-    unsaid = Unsaid(
+    unsaid = ImportOptions(
         fps=options.fps,
         scale_m_per_px=options.scale_m_per_px,
         time_unit=options.time_unit,

@@ -22,10 +22,9 @@ def run(options: Options) -> None:
     made = draft_problem(options.name, options.mjcf, options.out)
     draft, folder = made.draft, made.folder
     roles = draft.roles
-    print(
-        f"channels: {', '.join(draft.channels)}; marker: {roles['marker']}; pads: {', '.join(roles['pads'])}"
-    )
-    for remark in draft.remarks:
+    channels = ", ".join(channel.name for channel in draft.channels)
+    print(f"channels: {channels}; marker: {roles.marker}; pads: {', '.join(roles.pads)}")
+    for remark in roles.remarks:
         print(f"guessed: {remark}")
     print(f"wrote {folder / 'problem.toml'}: correct what is guessed, then")
     print(f"  gaitopt check {folder}")
