@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers import ROBOTS, problem_folder
@@ -41,7 +42,7 @@ def quick_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """ArcFold's problem folder with a short horizon, few scenarios and no finer reference."""
     folder = tmp_path_factory.mktemp("quick") / "arcfold"
 
-    def shorten(content: dict) -> None:
+    def shorten(content: dict[str, Any]) -> None:
         simulation = content["simulation"]
         simulation["horizon"] = {
             "transient_s": 0.3,

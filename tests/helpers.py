@@ -7,19 +7,25 @@ import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
+import pytest
 import tomli_w
 
+from gaitopt.core.errors import GaitoptError
 from gaitopt.gait.gait import Channel, Gait
-from gaitopt.problem.problem import Problem
+from gaitopt.problem.model import build_model
+from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.robot.trajectory import Trajectory
 
 ROBOTS = Path(__file__).parent / "robots"
 STRIDER = ROBOTS / "strider"
 
 
-def problem_folder(folder: Path, source: Path, change: Callable[[dict], object] | None = None) -> Path:
+def problem_folder(
+    folder: Path, source: Path, change: Callable[[dict[str, Any]], object] | None = None
+) -> Path:
     """Copy a problem folder, and change the content of its problem file."""
     shutil.copytree(source, folder)
     path = folder / "problem.toml"
@@ -28,6 +34,14 @@ def problem_folder(folder: Path, source: Path, change: Callable[[dict], object] 
         change(content)
     path.write_text(tomli_w.dumps(content))
     return folder
+
+
+def complaint(reference: Path | str) -> str:
+    """The one line that loading and building a problem ends with."""
+    with pytest.raises(GaitoptError) as error:
+        build_model(load_problem(reference))
+    assert "\n" not in str(error.value)
+    return str(error.value)
 
 
 def edited(path: Path, old: str, new: str) -> Path:

@@ -1,15 +1,13 @@
 """A gait table: pulses that keep within a servo's limits, near the gait, and give the gait back."""
 
 import json
-import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import STRIDER, edited, problem_folder
+from helpers import edited
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.export.files import export_files
@@ -20,7 +18,7 @@ from gaitopt.export.stages import player_of
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.gait.table import GaitTable, is_table, read_table, sampled_deg
-from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.problem import Problem
 
 UNHURT = Replay(1.0, 1.0, 0.0, (0.0, 0.0), {})
 
@@ -186,61 +184,3 @@ def test_windows_line_ends_and_reformatted_json_are_read(made: GaitTable, tmp_pa
     path = exported(made, "json", tmp_path)
     path.write_text(json.dumps(json.loads(path.read_text()), indent=4, sort_keys=True))
     assert read_table(path).hash == made.hash
-
-
-# --- calibration ----------------------------------------------------------------------------------
-
-
-def test_the_datasheet_stands_in_for_what_is_not_set() -> None:
-    servo = Calibration(pin=5, trim_us=-3.0)
-    assert (servo.pulse_us(0.0), servo.pulse_us(90.0)) == (1497.0, 2496.0)
-    assert "trim_us" not in servo.from_datasheet
-    assert {"min_us", "us_per_deg", "neutral_us"} <= set(servo.from_datasheet)
-    assert servo.model_dump() == {"pin": 5, "trim_us": -3.0}
-    assert servo.pulse_per_frame_us(600.0, 0.02) == 133
-
-
-@given(
-    angle=st.floats(-90.0, 90.0),
-    servo=st.builds(Calibration, direction=st.sampled_from([-1, 1]), trim_us=st.floats(-50.0, 50.0)),
-)
-def test_angle_and_pulse_are_inverse(angle: float, servo: Calibration) -> None:
-    assert servo.angle_deg(servo.pulse_us(angle)) == pytest.approx(angle, abs=1e-9)
-    low, high = servo.range_deg
-    assert low < high
-
-
-@pytest.mark.parametrize(
-    "values",
-    [
-        {"min_us": 2500},
-        {"pin": -1},
-        {"direction": 0},
-        {"us_per_deg": 0.0},
-        {"trim_us": math.inf},
-        {"pins": 3},
-    ],
-)
-def test_an_impossible_calibration_is_refused(values: dict) -> None:
-    with pytest.raises(ValidationError):
-        Calibration(**values)
-
-
-def test_a_run_folder_still_says_what_was_not_set(tmp_path: Path) -> None:
-    def wire(content: dict) -> None:
-        content["channels"]["rear"]["servo"] = {"pin": 4, "min_us": 600}
-
-    problem = load_problem(problem_folder(tmp_path / "one", STRIDER, wire))
-    (tmp_path / "again.toml").write_text(problem.with_parameters({"mass": 0.04}).to_toml("one/strider.xml"))
-    servo = load_problem(tmp_path / "again.toml").file.channels["rear"].servo
-    assert servo == Calibration(pin=4, min_us=600)
-    assert "max_us" in servo.from_datasheet
-
-
-def test_arcfold_is_wired_as_its_team_wired_it(arcfold: Problem) -> None:
-    pins = {name: channel.servo.pin for name, channel in arcfold.file.channels.items()}
-    assert pins == {"mid_act": 12, "foot1": 13, "foot2": 14}
-    for channel in arcfold.file.channels.values():
-        low, high = channel.servo.range_deg
-        assert low < channel.range_deg[0]
-        assert high > channel.range_deg[1]

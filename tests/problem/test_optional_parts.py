@@ -3,6 +3,7 @@
 import json
 from concurrent.futures import Executor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from gaitopt.simulation.objective import check_objective, evaluate
 from gaitopt.simulation.rollout import Simulator
 
 
-def strip(content: dict) -> None:
+def strip(content: dict[str, Any]) -> None:
     """Leave a problem nothing but its joints."""
     del content["gait"], content["objective"], content["baselines"]
     content["roles"] = {}
@@ -146,7 +147,7 @@ def test_commands_say_which_part_they_need(
 def test_optimise_names_the_first_part_missing(
     part: str, keys: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def drop(content: dict) -> None:
+    def drop(content: dict[str, Any]) -> None:
         *path, last = keys
         for key in path:
             content = content[key]

@@ -7,15 +7,19 @@ authors' own model description, not from gaitopt's copy of it.
 import json
 import math
 import platform
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.signal import square
 
 from gaitopt.problem.model import build_model
-from gaitopt.problem.problem import load_problem
+from gaitopt.problem.problem import Problem, load_problem
+
+Series = NDArray[np.float64]
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "arcfold_published.json").read_text())
 
@@ -113,22 +117,22 @@ TIMESTEP, DURATION = 1e-4, 25.0
 
 
 @pytest.fixture(scope="module")
-def problem():
+def problem() -> Problem:
     return load_problem("arcfold-published")
 
 
 @pytest.fixture(scope="module")
-def model(problem):
+def model(problem: Problem) -> mujoco.MjModel:
     return build_model(problem)
 
 
-def at_start(model):
+def at_start(model: mujoco.MjModel) -> mujoco.MjData:
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("start").id)
     return data
 
 
-def published_commands(t, period):
+def published_commands(t: Series, period: float) -> Series:
     """The authors' square waves, rad, shape (n, 3): middle fold, front foot, rear foot."""
     right_angle = np.deg2rad(90)
     freq = 1 / period
@@ -144,17 +148,17 @@ def published_commands(t, period):
     )
 
 
-def accumulated_clock():
+def accumulated_clock() -> Series:
     """MuJoCo's clock, s: the timestep added to itself, rounding and all."""
     steps = round(DURATION / TIMESTEP)
     return np.concatenate(([0.0], np.cumsum(np.full(steps - 1, TIMESTEP))))
 
 
-def uniform_clock():
+def uniform_clock() -> Series:
     return np.arange(round(DURATION / TIMESTEP)) * TIMESTEP
 
 
-def test_options(model):
+def test_options(model: mujoco.MjModel) -> None:
     assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
     assert model.opt.timestep == 1e-4
     assert model.opt.gravity.tolist() == [0, 0, -9.81]
@@ -165,7 +169,7 @@ def test_options(model):
     assert model.opt.tolerance == 1e-8
 
 
-def test_bodies(model):
+def test_bodies(model: mujoco.MjModel) -> None:
     assert [model.body(i).name for i in range(model.nbody)] == [name for name, *_ in BODIES]
     for name, parent, position, quaternion, mass in BODIES:
         body = model.body(name)
@@ -175,7 +179,7 @@ def test_bodies(model):
         assert body.mass[0] == mass
 
 
-def test_joints(model):
+def test_joints(model: mujoco.MjModel) -> None:
     assert (model.nq, model.nv, model.njnt) == (29, 26, 11)
     assert model.jnt_qposadr.tolist() == [0, 7, 8, 15, 16, 17, 18, 19, 26, 27, 28]
     for i, (name, body, kind, axis, position, half_range) in enumerate(JOINTS):
@@ -195,7 +199,7 @@ def test_joints(model):
     assert not model.qpos_spring[[7, 15, 16, 17, 18, 26, 27, 28]].any()
 
 
-def test_geoms(model):
+def test_geoms(model: mujoco.MjModel) -> None:
     assert model.ngeom == len(GEOMS)
     for i, (body, kind, size, position, quaternion, friction) in enumerate(GEOMS):
         geom = model.geom(i)
@@ -216,7 +220,7 @@ def test_geoms(model):
     assert (model.npair, model.nexclude) == (0, 0)
 
 
-def test_welds(model):
+def test_welds(model: mujoco.MjModel) -> None:
     assert model.neq == len(WELDS)
     for i, (first, second, position, quaternion) in enumerate(WELDS):
         assert model.eq_type[i] == mujoco.mjtEq.mjEQ_WELD
@@ -230,7 +234,7 @@ def test_welds(model):
         assert model.eq_solimp[i].tolist() == [0.9, 0.95, 0.001, 0.5, 2]
 
 
-def test_actuators(model):
+def test_actuators(model: mujoco.MjModel) -> None:
     names = [model.actuator(i).name for i in range(model.nu)]
     assert names == ["mid_act", "foot1", "foot2"]
     joints = [model.joint(i).name for i in model.actuator_trnid[:, 0]]
@@ -243,7 +247,7 @@ def test_actuators(model):
         assert not model.actuator_forcelimited[i]
 
 
-def test_start_is_the_published_initial_state(model):
+def test_start_is_the_published_initial_state(model: mujoco.MjModel) -> None:
     expected = model.qpos0.copy()
     expected[[15, 17, 26, 28]] = -math.pi * 45 / 180
     expected[[16, 27]] = 2 * math.pi * 45 / 180
@@ -254,13 +258,13 @@ def test_start_is_the_published_initial_state(model):
     assert data.time == 0
 
 
-def test_marker_is_the_origin_of_the_tracking_body(model):
+def test_marker_is_the_origin_of_the_tracking_body(model: mujoco.MjModel) -> None:
     data = at_start(model)
     mujoco.mj_forward(model, data)
     assert data.site("end_effector").xpos.tolist() == data.body("end_effector").xpos.tolist()
 
 
-def test_forces_in_a_general_state(model):
+def test_forces_in_a_general_state(model: mujoco.MjModel) -> None:
     """Inertia, gravity, springs and servos, free of any contact solver."""
     forces = REFERENCE["forces"]
     data = mujoco.MjData(model)
@@ -281,7 +285,7 @@ def test_forces_in_a_general_state(model):
     (mujoco.__version__, platform.machine()) != (REFERENCE["mujoco"], REFERENCE["machine"]),
     reason="the reference trajectory was computed by another MuJoCo or processor",
 )
-def test_first_500_steps(problem, model):
+def test_first_500_steps(problem: Problem, model: mujoco.MjModel) -> None:
     gait = problem.baselines[REFERENCE["gait"]]
     commands = gait.targets(accumulated_clock()[:500], edge_tolerance=0.0)
     data = at_start(model)
@@ -295,7 +299,7 @@ def test_first_500_steps(problem, model):
 
 
 @pytest.mark.parametrize("name", PERIODS)
-def test_commands_at_the_accumulated_clock(problem, name):
+def test_commands_at_the_accumulated_clock(problem: Problem, name: str) -> None:
     t = accumulated_clock()
     targets = problem.baselines[name].targets(t, edge_tolerance=0.0)
     assert targets.shape == (len(t), 3)
@@ -304,7 +308,7 @@ def test_commands_at_the_accumulated_clock(problem, name):
 
 @pytest.mark.parametrize("clock", [uniform_clock, accumulated_clock])
 @pytest.mark.parametrize("name", PERIODS)
-def test_commands_on_a_uniform_grid(problem, name, clock):
+def test_commands_on_a_uniform_grid(problem: Problem, name: str, clock: Callable[[], Series]) -> None:
     """The default tolerance moves an edge by one sample at most."""
     targets = problem.baselines[name].targets(uniform_clock())
     published = published_commands(clock(), PERIODS[name])

@@ -1,0 +1,29 @@
+"""Intervals of the mean."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from gaitopt.core.statistics import NORMAL_95, half_width90, interval90
+
+
+def test_the_interval_is_scipys() -> None:
+    values = np.random.default_rng(1).normal(3.0, 2.0, 9)
+    error = stats.sem(values)
+    expected = stats.t.interval(0.9, len(values) - 1, loc=values.mean(), scale=error)
+    assert interval90(values) == pytest.approx(expected, rel=1e-12)
+    assert half_width90(values) == pytest.approx((expected[1] - expected[0]) / 2.0, rel=1e-12)
+
+
+def test_one_value_is_both_ends() -> None:
+    assert interval90(np.array([2.5])) == (2.5, 2.5)
+
+
+def test_nine_in_ten_intervals_hold_the_mean() -> None:
+    rng = np.random.default_rng(2)
+    ends = np.array([interval90(rng.normal(0.0, 1.0, 5)) for _ in range(2000)])
+    assert np.mean((ends[:, 0] < 0.0) & (ends[:, 1] > 0.0)) == pytest.approx(0.9, abs=0.02)
+
+
+def test_the_normal_distributions_point() -> None:
+    assert stats.norm.ppf(0.95) == pytest.approx(NORMAL_95, abs=2e-4)
