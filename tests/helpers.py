@@ -94,11 +94,11 @@ def brief_studies() -> list[tuple[ModuleType, str, object]]:
     brief = functools.partial(plan.PlanSettings, n_samples=6, n_starts=(2, 1, 1), iterations=8)
     jerky = settings.FilmSettings(fps=2.0, loop_rates=(2.0,))
     return [
-        *((module, "PlanSettings", brief) for module in (plan, search, correction)),
+        *((module, "PlanSettings", brief) for module in (plan, search)),
         (search, "_SAMPLE", 4),
         *((experiment, name, few) for name, few in (("SECONDS", 1.0), ("_RANDOM", 1), ("_REFINED", 1))),
         (experiment, "_FINALISTS", 1),
-        (correction, "_STARTS", (2, 1, 1)),
+        (correction, "DEFAULT", correction.CorrectionSettings(plan=brief(n_starts=(2, 1, 1), n_elites=3))),
         (check, "_STARTS", 2),
         (settings, "DEFAULT", settings.ReportSettings(dpi=40, film=jerky)),
     ]

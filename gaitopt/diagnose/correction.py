@@ -1,17 +1,20 @@
-"""What a correction changes: gaits of the nominal and of the corrected robot, side by side."""
+"""The corrected robot: its trials and its gaits beside those of the nominal one."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import Stream, generator
+from gaitopt.diagnose.diagnosis import Diagnosis
+from gaitopt.diagnose.gap.align import Aligned, align
+from gaitopt.diagnose.gap.predict import predict
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.solvers import cma_es
@@ -23,18 +26,28 @@ from gaitopt.simulation.metrics import SPEED, measure
 from gaitopt.simulation.rollout import NOMINAL, Simulator
 from gaitopt.simulation.setup import RobotSetup
 
-PERIODS_S = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
-"""Periods at which the first baseline's wave is predicted."""
 
-_ELITES = 3
-_STARTS = (6, 3, 2)
-"""Starts of a plan that is brief; `gaitopt optimise` makes a long one."""
+@dataclass(frozen=True)
+class CorrectionSettings:
+    """How gaits for the corrected robot are looked for: briefly, `gaitopt optimise` searches longer.
 
-_GAITS = 40
-"""Gaits of a search that is brief, too."""
+    Attributes:
+        periods_s: periods at which the first baseline's wave is predicted, s.
+        plan: how many starts of the plan, and how many of its gaits start a search; see `PlanSettings`.
+        gaits: gaits of one search; 0 for no search.
+        spread: first standard deviation of a search, in units of the gait space.
+        seed: seed of the searches.
+    """
 
-_SPREAD = 0.05
-_SEED = 1
+    periods_s: tuple[float, ...] = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
+    plan: PlanSettings = field(default_factory=lambda: PlanSettings(n_starts=(6, 3, 2), n_elites=3))
+    gaits: int = 40
+    spread: float = 0.05
+    seed: int = 1
+
+
+DEFAULT = CorrectionSettings()
+"""What is used where no settings are given; tests that drive the command line set it to a shorter search."""
 
 
 @dataclass(frozen=True)
@@ -57,22 +70,81 @@ class Walked:
         return asdict(self)
 
 
-def walked_gaits(problem: Problem, corrected: Problem, executor: Executor) -> list[Walked]:
+@dataclass(frozen=True)
+class Correction:
+    """What the most probable explanation changes, blamed or not.
+
+    Attributes:
+        problem: the problem with its effects switched on.
+        trials: the trials beside the corrected robot; none where that was not asked for, or it cannot be
+            simulated.
+        walked: gaits on both robots; none where that was not asked for.
+    """
+
+    problem: Problem
+    trials: tuple[Aligned, ...] = ()
+    walked: tuple[Walked, ...] = ()
+
+
+def correct(
+    problem: Problem,
+    diagnosis: Diagnosis,
+    executor: Executor | None = None,
+    settings: CorrectionSettings | None = None,
+) -> Correction | None:
+    """Return the robot with the most probable explanation; None where none was fitted.
+
+    Args:
+        problem: the nominal problem.
+        diagnosis: the diagnosis.
+        executor: where its trials and its gaits are simulated; None to leave them out.
+        settings: how gaits are looked for; `DEFAULT` where it is None.
+    """
+    found = diagnosis.found
+    if found is None or found.best is None:
+        return None
+    corrected = problem.with_effects(found.best.effect_values)
+    if executor is None:
+        return Correction(corrected)
+    walked = walked_gaits(problem, corrected, executor, settings or DEFAULT)
+    return Correction(corrected, _beside(corrected, diagnosis, executor), tuple(walked))
+
+
+def _beside(corrected: Problem, diagnosis: Diagnosis, executor: Executor) -> tuple[Aligned, ...]:
+    """Return the trials beside the corrected robot; none where it cannot be simulated."""
+    trials = [gap.aligned.trial for gap in diagnosis.trials]
+    try:
+        predictions = predict(Simulator.build(corrected), trials, executor)
+        return tuple(align(trial, simulated) for trial, simulated in zip(trials, predictions, strict=True))
+    except GaitoptError:
+        return ()
+
+
+def walked_gaits(
+    problem: Problem, corrected: Problem, executor: Executor, settings: CorrectionSettings = DEFAULT
+) -> list[Walked]:
     """Return baselines, their first wave at other periods, and each robot's best gait, on both robots.
 
     There is no best gait without ``[gait]`` and ``[objective]``, and no speed at all without a marker.
+
+    Args:
+        problem: the nominal problem.
+        corrected: the same robot corrected.
+        executor: where robots are simulated.
+        settings: how gaits are looked for.
     """
     if problem.roles.marker is None:
         return []
     gaits = dict(problem.baselines)
     if gaits:
         first = next(iter(gaits.values()))
-        periods = {gait.period_s for gait in gaits.values()}
-        gaits |= {f"{first.name} at {p:g} s": first.with_period(p) for p in PERIODS_S if p not in periods}
-    starts = [*problem.baselines.values(), *_planned(problem)]
+        known = {gait.period_s for gait in gaits.values()}
+        others = [period for period in settings.periods_s if period not in known]
+        gaits |= {f"{first.name} at {period:g} s": first.with_period(period) for period in others}
+    starts = [*problem.baselines.values(), *_planned(problem, settings)] if settings.gaits else []
     if starts and problem.file.gait and problem.file.objective:
-        gaits["best for the nominal robot"] = _tuned(problem, starts, executor)
-        gaits["best for the corrected robot"] = _tuned(corrected, starts, executor)
+        gaits["best for the nominal robot"] = _tuned(problem, starts, executor, settings)
+        gaits["best for the corrected robot"] = _tuned(corrected, starts, executor, settings)
     before, after = Simulator.build(problem), Simulator.build(corrected)
     futures = {
         name: (executor.submit(_speed, before, gait), executor.submit(_speed, after, gait))
@@ -84,21 +156,23 @@ def walked_gaits(problem: Problem, corrected: Problem, executor: Executor) -> li
     ]
 
 
-def _planned(problem: Problem) -> list[Gait]:
+def _planned(problem: Problem, settings: CorrectionSettings) -> list[Gait]:
     """Return the best planned gaits; none where the problem has no planar model, or no plan converges."""
     if problem.file.planar is None or problem.file.gait is None:
         return []
     try:
-        elites = Planner(problem, PlanSettings(n_starts=_STARTS, n_elites=_ELITES)).plan().elites
+        elites = Planner(problem, settings.plan).plan().elites
     except GaitoptError:
         return []
     return [elite.gait for elite in elites]
 
 
-def _tuned(problem: Problem, starts: Sequence[Gait], executor: Executor) -> Gait:
+def _tuned(
+    problem: Problem, starts: Sequence[Gait], executor: Executor, settings: CorrectionSettings
+) -> Gait:
     """Return the best gait of a brief search from the best of some starts, in the nominal scenario."""
-    setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
-    evaluator = Evaluator(setting, executor, problem.objective.search_margin)
+    setup = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
+    evaluator = Evaluator(setup, executor, problem.objective.search_margin)
     space = problem.space
 
     def costs(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -107,13 +181,13 @@ def _tuned(problem: Problem, starts: Sequence[Gait], executor: Executor) -> Gait
     points = np.array([space.encode(gait) for gait in starts])
     known = costs(points)
     start = points[known.argmin()]
-    found = cma_es.minimise(
-        costs, Box(space.circular), start, _SPREAD, _GAITS, generator(_SEED, Stream.CORRECTED_SEARCH)
-    )
+    rng = generator(settings.seed, Stream.CORRECTED_SEARCH)
+    found = cma_es.minimise(costs, Box(space.circular), start, settings.spread, settings.gaits, rng)
     return space.decode(found.x if found.cost < known.min() else start)
 
 
 def _speed(simulator: Simulator, gait: Gait) -> float:
+    """Return the forward speed, m/s; NaN where the simulation fails."""
     path = simulator.run(gait)
     if path.status != "ok":
         return math.nan

@@ -3,91 +3,55 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.diagnose.fit.cache import SimulationCache
-from gaitopt.diagnose.fit.fitting import Note
 from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
-from gaitopt.diagnose.gap.align import Aligned, align, pooled_marker_rms
-from gaitopt.diagnose.gap.floor import Floors, marker_floor, measure_floors
-from gaitopt.diagnose.gap.mismatches import mismatches
+from gaitopt.diagnose.gap.align import align, pooled_marker_rms
+from gaitopt.diagnose.gap.floor import marker_floor, measure_floors
 from gaitopt.diagnose.gap.predict import predict
-from gaitopt.diagnose.gap.where import COMPONENTS, GapShare, Split, gap_shares, split
+from gaitopt.diagnose.gap.where import GapShare, gap_shares
 from gaitopt.diagnose.judge.causes import Causes, find_causes
-from gaitopt.diagnose.judge.evidence import Gap
+from gaitopt.diagnose.judge.evidence import Gap, shrinkage
 from gaitopt.diagnose.judge.experiment import Experiment, propose
-from gaitopt.diagnose.record.cleaning import Cleaned, clean
-from gaitopt.diagnose.record.cycles import steady_from
+from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import DataSet
-from gaitopt.diagnose.record.defect import Defect
+from gaitopt.diagnose.trial_gap import TrialGap, trial_gap
 from gaitopt.effects import EFFECTS
-from gaitopt.robot.signals import is_marker, unit_of
+from gaitopt.problem.records import Fidelity
 from gaitopt.simulation.rollout import Simulator
-
-SIGNIFICANT = 2.0
-"""A gap of so many floors is significant: what remains of a right model is below it in 95 of 100 cases."""
-
-DEFECT_COMPONENTS = {"marker_outliers": "noise", "frozen_frames": "noise", "clock_rounding": "timing"}
-"""Component of the gap that a defect of the record belongs to."""
 
 
 @dataclass(frozen=True)
-class TrialGap:
-    """One trial beside the nominal prediction.
+class DiagnosisRequest:
+    """What is asked of a diagnosis.
 
     Attributes:
-        cleaned: the trial as recorded and as used, with the record's own defects.
-        aligned: the cleaned trial beside the nominal prediction.
-        floors: floor of each signal.
-        splits: the gap of each signal by component, the defects' share with it.
-        mismatches: defects seen only beside the prediction.
+        seed: seed of all randomness.
+        effects: names of the effects to try; None for all that apply.
+        next_gait: whether to look for the gait to measure next.
     """
 
-    cleaned: Cleaned
-    aligned: Aligned
-    floors: Floors
-    splits: Mapping[str, Split]
-    mismatches: tuple[Defect, ...]
+    seed: int = 1
+    effects: Collection[str] | None = None
+    next_gait: bool = True
 
-    @property
-    def name(self) -> str:
-        """Name of the trial."""
-        return self.aligned.trial.name
 
-    @property
-    def defects(self) -> tuple[Defect, ...]:
-        """Everything wrong with the record."""
-        return self.cleaned.defects + self.mismatches
+@dataclass(frozen=True)
+class GapOfTrial:
+    """The marker's gap in one trial, held out, nominal and with the cause that was found."""
 
-    @property
-    def ratios(self) -> dict[str, float]:
-        """Gap over floor, of the marker and of each angle."""
-        pairs = {n: (self.aligned.rms(n), f.total) for n, f in self.floors.items() if not is_marker(n)}
-        if any(map(is_marker, self.floors)):
-            pairs = {"marker": (self.aligned.marker_rms, marker_floor(self.floors))} | pairs
-        return {name: gap / floor if floor > 0.0 else math.inf for name, (gap, floor) in pairs.items()}
+    trial: str
+    gap: Gap
 
-    @property
-    def counts(self) -> bool:
-        """Whether the trial can blame anything: a gap, cleaned or as recorded, above the floor."""
-        return max(self.ratios.values()) > 1.0 or bool(self.blamed)
-
-    @property
-    def significant(self) -> bool:
-        """Whether a gap is left, once defects are masked, that the floor does not explain."""
-        return max(self.ratios.values()) > SIGNIFICANT
-
-    @property
-    def blamed(self) -> list[Defect]:
-        """Defects whose error alone exceeds the marker's floor."""
-        floor = marker_floor(self.floors)
-        causes = [d for d in self.cleaned.defects if d.name in EFFECTS and EFFECTS[d.name].found_in_record]
-        return [defect for defect in causes if defect.error_m > floor]
+    def to_dict(self) -> dict[str, object]:
+        """Return a row of ``gap_by_trial`` in ``diagnosis.json``."""
+        return {"trial": self.trial} | gap_dict(self.gap)
 
 
 @dataclass(frozen=True)
@@ -107,7 +71,7 @@ class Diagnosis:
     problem: str
     source: str
     seed: int
-    fidelity: Mapping[str, Any]
+    fidelity: Fidelity
     trials: tuple[TrialGap, ...]
     found: Causes | None = None
     experiment: Experiment | None = None
@@ -138,52 +102,46 @@ class Diagnosis:
         return "explained" if self.defective else "no_gap"
 
     @property
-    def gap(self) -> dict[str, Any]:
+    def gap(self) -> Gap:
         """RMS marker error over all trials, m: nominal, and held out with the cause that was found."""
-        located = self.located_gap
         if self.found is None or self.found.gap is None:
-            return located
-        return _gap_row(self.found.gap)
+            return self.located_gap
+        return self.found.gap
 
     @cached_property
-    def gap_by_trial(self) -> list[dict[str, Any]]:
+    def gap_by_trial(self) -> list[GapOfTrial]:
         """The same of each trial; none where nothing was fitted."""
         rows = []
         for index, trial in enumerate(self.trials):
             gap = self.found.gap_of_trial(index, marker_floor(trial.floors)) if self.found else None
             if gap is not None:
-                rows.append({"trial": trial.name} | _gap_row(gap))
+                rows.append(GapOfTrial(trial.name, gap))
         return rows
 
     @property
-    def located_gap(self) -> dict[str, Any]:
-        """RMS marker error over all trials, without fitting: after is before, but for defects blamed."""
+    def located_gap(self) -> Gap:
+        """RMS marker error over all trials, without fitting: after is before, except for defects blamed."""
         after = pooled_marker_rms([trial.aligned for trial in self.trials])
         samples = [len(trial.aligned.time) for trial in self.trials]
         removed = [sum(d.error_m**2 for d in trial.blamed) for trial in self.trials]
         before = math.sqrt(after**2 + _mean(removed, samples))
         floor = math.sqrt(_mean([marker_floor(trial.floors) ** 2 for trial in self.trials], samples))
-        shrinkage = (before - after) / (before - floor) if before > floor else None
-        return {
-            "heldout_before_m": before,
-            "heldout_after_m": after,
-            "floor_m": floor,
-            "shrinkage": shrinkage,
-            "shrinkage_ci90": [shrinkage, shrinkage],
-        }
+        known = shrinkage(before, after, floor)
+        end = math.nan if known is None else known
+        return Gap(before, after, floor, (end, end))
 
     @property
     def where(self) -> list[GapShare]:
         """Components of the gap, the largest share first; of trials that can blame something."""
         return gap_shares((trial.name, trial.splits, trial.floors) for trial in self.trials if trial.counts)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Return the content of ``diagnosis.json``."""
         return {
             "problem": self.problem,
             "dataset": self.source,
             "seed": self.seed,
-            "fidelity": dict(self.fidelity),
+            "fidelity": self.fidelity.model_dump(),
             "verdict": self.verdict,
             "causes": self.causes,
             "ambiguous_with": list(self.found.ambiguous_with) if self.found else [],
@@ -192,10 +150,10 @@ class Diagnosis:
             "unevenness": self.found.uneven if self.found else None,
             "effects": self.found.effects if self.found else [],
             "where": [share.to_dict() for share in self.where],
-            "gap": self.gap,
-            "gap_by_trial": self.gap_by_trial,
+            "gap": gap_dict(self.gap),
+            "gap_by_trial": [gap.to_dict() for gap in self.gap_by_trial],
             "next_experiment": self.experiment.to_dict() if self.experiment else None,
-            "trials": [_trial_row(trial) for trial in self.trials],
+            "trials": [trial.to_dict() for trial in self.trials],
             "defects": [defect.to_dict() for trial in self.trials for defect in trial.defects],
         }
 
@@ -203,36 +161,36 @@ class Diagnosis:
 def diagnose(
     simulator: Simulator,
     dataset: DataSet,
+    request: DiagnosisRequest,
     executor: Executor,
-    seed: int,
-    note: Note = lambda what, done, most: None,
-    next_gait: bool = True,
-    among: Collection[str] | None = None,
-    memory: SimulationCache | None = None,
+    on_progress: OnProgress = silent,
+    cache: SimulationCache | None = None,
 ) -> Diagnosis:
     """Return where the gap lies, what causes it and what to measure next.
 
     Args:
         simulator: the nominal robot, its scenario 0, at the fidelity to use.
         dataset: the data set.
+        request: seed, effects to try, and whether to look for the next gait.
         executor: where rollouts run.
-        seed: seed of all randomness.
-        note: called as it goes.
-        next_gait: whether to look for the next experiment.
-        among: effects to try; None for all that apply.
-        memory: keeps what is simulated, and has what was; None to keep nothing.
+        on_progress: called as it goes on.
+        cache: keeps what is simulated, and returns what it has; None to keep nothing.
 
     Raises:
         GaitoptError: a trial has fewer than two cycles left, the simulation of its gait fails, or none of the
             effects asked for can be tried.
     """
-    rivals = _rivals(simulator, dataset, among)
+
+    def note(what: str, done: int, most: int) -> None:
+        on_progress(Progress(what, done, most or None, "robots"))
+
+    candidates = _candidates(simulator, dataset, request.effects)
     note("measuring the floor", 0, 0)
-    located = locate(simulator, dataset, executor, seed)
+    located = locate(simulator, dataset, executor, request.seed)
     parts = [trial.aligned for trial in located.trials], [trial.floors for trial in located.trials]
-    floor = located.located_gap["floor_m"]
-    found = find_causes(simulator, *parts, floor, executor, seed, note, rivals, memory)
-    if found.verdict == "no_gap" or not next_gait:
+    floor_m, seed = located.located_gap.floor, request.seed
+    found = find_causes(simulator, *parts, floor_m, executor, seed, note, candidates, cache)
+    if found.verdict == "no_gap" or not request.next_gait:
         return replace(located, found=found)
     note("looking for the next gait", found.robots, 0)
     drives = {trial.aligned.trial.drive.name: trial.aligned.trial.drive for trial in located.trials}
@@ -241,11 +199,12 @@ def diagnose(
     return replace(located, found=found, experiment=experiment)
 
 
-def _rivals(simulator: Simulator, dataset: DataSet, among: Collection[str] | None) -> list[Hypothesis]:
+def _candidates(simulator: Simulator, dataset: DataSet, effects: Collection[str] | None) -> list[Hypothesis]:
+    """Return what is tried: every effect that applies and is asked for, on each of its targets."""
     known = any(trial.starts_at_s is not None for trial in dataset.trials)
     active = [one.effect.name for one in simulator.effects.active]
-    rivals = hypotheses(simulator.effects.nominal, simulator.problem.channel_names, known, active)
-    chosen = [rival for rival in rivals if among is None or rival.effect.name in among]
+    candidates = hypotheses(simulator.effects.nominal, simulator.problem.channel_names, known, active)
+    chosen = [one for one in candidates if effects is None or one.effect.name in effects]
     if not chosen:
         raise GaitoptError("no effect can be tried: none of those asked for applies to this robot")
     return chosen
@@ -268,61 +227,19 @@ def locate(simulator: Simulator, dataset: DataSet, executor: Executor, seed: int
     predictions = predict(simulator, trials, executor)
     aligned = [align(trial, simulated) for trial, simulated in zip(trials, predictions, strict=True)]
     floors = measure_floors(simulator, aligned, executor, seed)
-    gaps = [_trial_gap(simulator, *parts) for parts in zip(cleaned, aligned, floors, strict=True)]
-    fidelity = simulator.fidelity.model_dump()
-    return Diagnosis(simulator.problem.name, str(dataset.source), seed, fidelity, tuple(gaps))
+    gaps = [trial_gap(simulator.problem, *parts) for parts in zip(cleaned, aligned, floors, strict=True)]
+    name, source = simulator.problem.name, str(dataset.source)
+    return Diagnosis(name, source, seed, simulator.fidelity, tuple(gaps))
 
 
-def _trial_gap(simulator: Simulator, cleaned: Cleaned, aligned: Aligned, floors: Floors) -> TrialGap:
-    transient = steady_from(simulator.problem.simulation.horizon, aligned.trial.drive)
-    splits = {}
-    for name in aligned.trial.signals:
-        extra = dict.fromkeys(COMPONENTS, 0.0)
-        for defect in cleaned.defects:
-            if defect.name in DEFECT_COMPONENTS:
-                extra[DEFECT_COMPONENTS[defect.name]] += defect.errors_m.get(name, 0.0) ** 2
-        splits[name] = split(aligned, name, transient, extra)
-    return TrialGap(cleaned, aligned, floors, splits, tuple(mismatches(aligned, transient)))
-
-
-def _gap_row(gap: Gap) -> dict[str, Any]:
+def gap_dict(gap: Gap) -> dict[str, object]:
+    """Return ``gap`` of ``diagnosis.json``."""
     return {
         "heldout_before_m": gap.before,
         "heldout_after_m": gap.after,
         "floor_m": gap.floor,
         "shrinkage": gap.shrinkage,
         "shrinkage_ci90": list(gap.ci90),
-    }
-
-
-def _trial_row(trial: TrialGap) -> dict[str, Any]:
-    aligned = trial.aligned
-    return {
-        "name": trial.name,
-        "gait": aligned.trial.drive.name,
-        "period_s": aligned.trial.drive.period_s,
-        "offset_s": aligned.offset_s,
-        "offset_fitted": aligned.trial.starts_at_s is None,
-        "marker_gap_m": aligned.marker_rms,
-        "marker_floor_m": marker_floor(trial.floors),
-        "gap_over_floor": trial.ratios,
-        "significant": trial.significant,
-        "counts": trial.counts,
-        "signals": [
-            {
-                "signal": name,
-                "unit": unit_of(name),
-                "gap": aligned.rms(name),
-                "floor": floor.total,
-                "floor_parts": asdict(floor),
-                "travel_measured": (trial.splits[name].travel or (None, None))[0],
-                "travel_simulated": (trial.splits[name].travel or (None, None))[1],
-                "size_ratio": trial.splits[name].size,
-                "delay_s": trial.splits[name].delay_s,
-                "by_phase": trial.splits[name].by_phase.tolist(),
-            }
-            for name, floor in trial.floors.items()
-        ],
     }
 
 

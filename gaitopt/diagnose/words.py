@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from gaitopt.diagnose.diagnosis import SIGNIFICANT, Diagnosis, TrialGap
+from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.where import Split
+from gaitopt.diagnose.judge.evidence import Gap
 from gaitopt.diagnose.judge.experiment import Experiment
 from gaitopt.diagnose.judge.unevenness import UNEVEN
+from gaitopt.diagnose.trial_gap import SIGNIFICANT, TrialGap
 from gaitopt.robot.signals import is_marker
 
 _WORTH_SAYING = 0.15
@@ -29,7 +29,7 @@ _PARTS = {
 def answer(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
     gap = diagnosis.gap
-    figures = f"{_mm(gap['heldout_before_m'])} RMS of the marker, floor {_mm(gap['floor_m'])}"
+    figures = f"{_mm(gap.before)} RMS of the marker, floor {_mm(gap.floor)}"
     if diagnosis.verdict == "no_gap":
         return f"No significant gap: {figures}."
     if diagnosis.verdict == "explained" and not (diagnosis.found and diagnosis.found.causes):
@@ -66,10 +66,10 @@ def _who(diagnosis: Diagnosis) -> tuple[str, str]:
     return " and ".join(texts), " or ".join(found.ambiguous_with)
 
 
-def _before_after(gap: dict[str, Any]) -> str:
+def _before_after(gap: Gap) -> str:
     """Return the gap on held-out data in words."""
-    before, after, floor = (_mm(gap[f"{key}_m"]) for key in ("heldout_before", "heldout_after", "floor"))
-    share = gap["shrinkage"]
+    before, after, floor = map(_mm, (gap.before, gap.after, gap.floor))
+    share = gap.shrinkage
     shrinks = "" if share is None else f", which is {share:.0%} of what is above the floor"
     return f"{before} RMS of the marker before, {after} after on held-out trials{shrinks}; floor {floor}"
 

@@ -13,11 +13,16 @@ from gaitopt.blind.factory import RecordingPlan
 from gaitopt.blind.scoring import Score, score
 from gaitopt.core.errors import bad_value
 from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.diagnose.diagnosis import DiagnosisRequest
 from gaitopt.jobs.diagnose import Question, answered_into, is_finished
 from gaitopt.jobs.executor import opened
 from gaitopt.jobs.inputs import checked_seed
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.runs.diagnosis_folder import diagnosis_folder
+
+EACH_CASE = DiagnosisRequest(seed=1, next_gait=False)
+"""How every blind case is diagnosed."""
 
 
 @dataclass(frozen=True)
@@ -114,8 +119,6 @@ def blind_score(
 
 def _diagnose_cases(folder: Path, diagnoses: Path, executor: Executor, on_progress: OnProgress) -> None:
     """Diagnose every case that has no diagnosis yet, and write a run folder for each."""
-    from gaitopt.report.diagnosis_report import diagnosis_folder
-
     problem = None
     for case in sorted(path for path in folder.glob("case-*") if path.is_dir()):
         out = diagnoses / case.name
@@ -123,7 +126,7 @@ def _diagnose_cases(folder: Path, diagnoses: Path, executor: Executor, on_progre
             continue
         problem = problem or carrying(load_problem(folder / NOMINAL_FOLDER))
         on_progress(Progress(f"diagnosing {case.name}"))
-        question = Question.of(problem, case, next_gait=False)
+        question = Question.of(problem, case, EACH_CASE)
         resumed = out if out.is_dir() else None
         with diagnosis_folder(out, resumed, problem.name):
             answered_into(out, question, executor, corrected=False)

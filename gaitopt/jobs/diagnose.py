@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gaitopt.core.errors import GaitoptError, unknown_name
-from gaitopt.core.files import read_json
 from gaitopt.core.folders import check_new_or_empty
-from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.core.progress import OnProgress, silent
 from gaitopt.diagnose import diagnosis as diagnosing
-from gaitopt.diagnose.diagnosis import Diagnosis
+from gaitopt.diagnose.diagnosis import Diagnosis, DiagnosisRequest
 from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.record.dataset import DataSet, load_dataset
 from gaitopt.diagnose.words import answer, explanation
@@ -23,10 +22,8 @@ from gaitopt.jobs.inputs import checked_seed
 from gaitopt.jobs.outputs import Out, Stopped, out_folder
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
+from gaitopt.runs.diagnosis_folder import DIAGNOSIS_FILE, diagnosis_folder, read_diagnosis
 from gaitopt.simulation.rollout import Simulator
-
-DIAGNOSIS_FILE = "diagnosis.json"
-"""The last file of a run folder: where it is, the diagnosis is finished."""
 
 
 @dataclass(frozen=True)
@@ -64,25 +61,15 @@ class Question:
     Attributes:
         simulator: the nominal robot.
         dataset: the measured trials.
-        seed: seed of all randomness.
-        effects: names of the effects to try; None for all that apply.
-        next_gait: whether to look for the gait to measure next.
+        request: seed, effects to try, and whether to look for the next gait.
     """
 
     simulator: Simulator
     dataset: DataSet
-    seed: int = 1
-    effects: tuple[str, ...] | None = None
-    next_gait: bool = True
+    request: DiagnosisRequest
 
     @staticmethod
-    def of(
-        problem: Problem,
-        folder: Path,
-        seed: int = 1,
-        effects: Collection[str] | None = None,
-        next_gait: bool = True,
-    ) -> Question:
+    def of(problem: Problem, folder: Path, request: DiagnosisRequest) -> Question:
         """Return the question that a data set asks about a problem.
 
         Raises:
@@ -90,12 +77,11 @@ class Question:
         """
         simulator = Simulator.build(problem)
         dataset = load_dataset(folder, problem, [name for name in simulator.signals if name])
-        chosen = None if effects is None else tuple(effects)
-        return Question(simulator, dataset, seed, chosen, next_gait)
+        return Question(simulator, dataset, request)
 
     def cache(self, folder: Path) -> SimulationCache:
         """Return the cache, in a run folder, of what a diagnosis of it simulates."""
-        return SimulationCache.of(folder, self.simulator, self.dataset, self.seed)
+        return SimulationCache.of(folder, self.simulator, self.dataset, self.request.seed)
 
     def answered(
         self, executor: Executor, on_progress: OnProgress, cache: SimulationCache | None = None
@@ -105,16 +91,7 @@ class Question:
         Raises:
             GaitoptError: a trial is too short, or none of the effects asked for can be tried.
         """
-        return diagnosing.diagnose(
-            self.simulator,
-            self.dataset,
-            executor,
-            self.seed,
-            lambda stage, done, most: on_progress(Progress(stage, done, most or None, "robots")),
-            next_gait=self.next_gait,
-            among=self.effects,
-            memory=cache,
-        )
+        return diagnosing.diagnose(self.simulator, self.dataset, self.request, executor, on_progress, cache)
 
 
 def diagnose(
@@ -153,8 +130,8 @@ def diagnose(
     """
     if resume is not None:
         _check_resumed(Path(resume), out)
-        if is_finished(resume):
-            return _read(Path(resume))
+        if finished := read_diagnosis(Path(resume)):
+            return DiagnosisRun(finished.answer, finished.explanation, finished.folder, None)
     check_new_or_empty(out_folder(out))
     if problem is None:
         raise GaitoptError("diagnose: found no problem and no finished diagnosis")
@@ -162,12 +139,12 @@ def diagnose(
     for name in effects or ():
         if name not in EFFECTS:
             raise unknown_name("diagnose", "effect in --effects:", name, EFFECTS)
-    question = Question.of(problem, Path(dataset), checked_seed(seed), effects, next_gait)
+    chosen = None if effects is None else tuple(effects)
+    request = DiagnosisRequest(checked_seed(seed), chosen, next_gait)
+    question = Question.of(problem, Path(dataset), request)
     if out is None and resume is None:
         with opened(executor, workers) as pool:
             return _run(question.answered(pool, on_progress), None)
-    from gaitopt.report.diagnosis_report import diagnosis_folder
-
     resumed = None if resume is None else Path(resume)
     with (
         diagnosis_folder(out_folder(out), resumed, problem.name) as folder,
@@ -203,13 +180,15 @@ def answered_into(
         GaitoptError: as of `Question.answered`, or a file cannot be written.
         Stopped: Ctrl-C ended it, and it can be resumed.
     """
+    from gaitopt.diagnose.correction import correct
     from gaitopt.report.diagnosis_report import write_diagnosis
 
     cache = question.cache(folder)
     with _stoppable(cache, folder):
         diagnosis = question.answered(executor, on_progress, cache)
-        walk = executor if corrected else None
-        write_diagnosis(folder, question.simulator.problem, diagnosis, walk, full)
+        problem = question.simulator.problem
+        correction = correct(problem, diagnosis, executor if corrected else None)
+        write_diagnosis(folder, problem, diagnosis, correction, full)
     cache.clear()
     return diagnosis
 
@@ -228,20 +207,6 @@ def _check_resumed(folder: Path, out: Out) -> None:
 
 def _run(diagnosis: Diagnosis, folder: Path | None) -> DiagnosisRun:
     return DiagnosisRun(answer(diagnosis), tuple(explanation(diagnosis)), folder, diagnosis)
-
-
-def _read(folder: Path) -> DiagnosisRun:
-    """Return a finished diagnosis as its file has it.
-
-    Raises:
-        GaitoptError: the file is not one of a diagnosis.
-    """
-    path = folder / DIAGNOSIS_FILE
-    content = read_json(path)
-    said = (content.get("answer"), content.get("explanation")) if isinstance(content, dict) else ()
-    if not (said and isinstance(said[0], str) and isinstance(said[1], list)):
-        raise GaitoptError(f"{path}: not the answer of a diagnosis: changed since?")
-    return DiagnosisRun(said[0], tuple(map(str, said[1])), folder, None)
 
 
 @contextmanager

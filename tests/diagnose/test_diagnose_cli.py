@@ -11,10 +11,10 @@ from helpers import edited
 from planting import dataset, filmed, rollout
 
 from gaitopt.cli.app import main
-from gaitopt.diagnose import diagnosis
+from gaitopt.diagnose import correction, diagnosis
+from gaitopt.diagnose.correction import CorrectionSettings
 from gaitopt.diagnose.fit import fitting
 from gaitopt.problem.problem import load_problem
-from gaitopt.report import diagnosis_report
 from gaitopt.runs.folder import held
 from gaitopt.simulation.rollout import Scenario, Simulator
 
@@ -157,7 +157,7 @@ def test_import_refuses_a_frame_rate_of_nothing(tmp_path, capsys):
 @pytest.mark.skipif(not HARDWARE.is_dir(), reason=f"no real trials in {HARDWARE} (GAITOPT_HARDWARE_DATA)")
 def test_the_real_trials(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(diagnosis, "propose", lambda *_: None)  # other trials show them, in less time
-    monkeypatch.setattr(diagnosis_report, "walked_gaits", lambda *_: [])
+    monkeypatch.setattr(correction, "DEFAULT", CorrectionSettings(periods_s=(), gaits=0))
     trials = {}
     for name in ("4s", "1s"):
         table = np.genfromtxt(HARDWARE / f"gait-{name}.csv", delimiter=",", names=True)
@@ -187,7 +187,7 @@ def sloped(arcfold, tmp_path_factory):
 
 def test_an_interrupted_diagnosis_goes_on_to_the_same_bits(sloped, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(diagnosis, "propose", lambda *_: None)  # which are not kept: they take seconds
-    monkeypatch.setattr(diagnosis_report, "walked_gaits", lambda *_: [])
+    monkeypatch.setattr(correction, "DEFAULT", CorrectionSettings(periods_s=(), gaits=0))
     few = ["--effects", "ground_slope,camera_tilt", "--quiet"]
     whole, halted = tmp_path / "whole", tmp_path / "halted"
     assert main(["diagnose", "arcfold", str(sloped), "--out", str(whole), *few]) == 0

@@ -6,7 +6,7 @@ from planting import dataset, filmed, rollout
 from toyfits import toy_bench, toy_fit
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.diagnose.diagnosis import diagnose
+from gaitopt.diagnose.diagnosis import DiagnosisRequest, diagnose
 from gaitopt.diagnose.fit.hypotheses import hypotheses
 from gaitopt.diagnose.judge.unevenness import UNEVEN
 from gaitopt.diagnose.record.dataset import load_dataset
@@ -30,7 +30,7 @@ def diagnosed(
         dataset(folder, trials, **start), simulator.problem, [s for s in simulator.signals if s]
     )
     with open_executor("threads", workers) as executor:
-        found = diagnose(simulator, data, executor, 1, next_gait=False, among=among)
+        found = diagnose(simulator, data, DiagnosisRequest(1, among, next_gait=False), executor)
     return found.to_dict()
 
 

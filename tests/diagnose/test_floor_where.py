@@ -72,8 +72,8 @@ def test_no_gap_where_there_is_none(diagnosed):
     diagnosis = diagnosed()
     assert diagnosis.verdict == "no_gap"
     assert diagnosis.causes == []
-    assert diagnosis.gap["heldout_before_m"] < 2.0 * diagnosis.gap["floor_m"]
-    assert diagnosis.gap["heldout_after_m"] == diagnosis.gap["heldout_before_m"]
+    assert diagnosis.gap.before < 2.0 * diagnosis.gap.floor
+    assert diagnosis.gap.after == diagnosis.gap.before
     assert answer(diagnosis).startswith("No significant gap")
 
 
@@ -129,7 +129,7 @@ def test_outliers_are_found_under_noise_and_explain_themselves(diagnosed):
     diagnosis = diagnosed(change=spoil)
     assert (diagnosis.verdict, diagnosis.causes) == ("explained", ["marker_outliers"])
     assert diagnosis.where[0].component == heaviest(diagnosis) == "noise"
-    assert diagnosis.gap["heldout_before_m"] > 3.0 * diagnosis.gap["heldout_after_m"]
+    assert diagnosis.gap.before > 3.0 * diagnosis.gap.after
 
 
 def test_rounded_time_stamps_are_found_under_timing_and_explain_themselves(diagnosed):

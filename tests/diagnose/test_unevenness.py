@@ -4,7 +4,7 @@ import numpy as np
 from planting import SIGNALS, dataset, filmed
 
 from gaitopt.blind.disturbances import OUTSIDE, disturbed
-from gaitopt.diagnose.diagnosis import diagnose
+from gaitopt.diagnose.diagnosis import DiagnosisRequest, diagnose
 from gaitopt.diagnose.judge.unevenness import UNEVEN
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.optimise.executors import open_executor
@@ -21,7 +21,8 @@ def test_a_servo_that_limps_is_something_else(arcfold, tmp_path):
     folder = dataset(tmp_path / "data", trials, starts_at_gait_time_s=0.0)
     with open_executor("threads", 2) as executor:
         data = load_dataset(folder, arcfold, list(SIGNALS))
-        found = diagnose(simulator, data, executor, 1, next_gait=False, among=("pad_friction",)).to_dict()
+        request = DiagnosisRequest(1, ("pad_friction",), next_gait=False)
+        found = diagnose(simulator, data, request, executor).to_dict()
     assert found["unevenness"] > UNEVEN
     assert found["verdict"] in ("unexplained", "partly_explained")
     assert found["other_probability"] > 0.5

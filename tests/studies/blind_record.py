@@ -38,7 +38,7 @@ from gaitopt.blind.scoring import Score, score, sentences
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
-from gaitopt.diagnose.diagnosis import diagnose
+from gaitopt.diagnose.diagnosis import DiagnosisRequest, diagnose
 from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.fitting import ALIKE
 from gaitopt.diagnose.record.dataset import load_dataset
@@ -50,6 +50,7 @@ from gaitopt.simulation.rollout import Simulator
 GAITS = ("square-4s", "square-2s", "square-1s")
 SECONDS = 10.0
 
+REQUEST = DiagnosisRequest(seed=1, next_gait=False)
 
 Planned = tuple[str, str | None]
 """The kind of a case, and what is planted where that is not drawn."""
@@ -157,7 +158,7 @@ def run_case(
     dataset = load_dataset(work / name, problem, [s for s in simulator.signals if s])
     memory = SimulationCache.of(work / "memory" / name, simulator, dataset, 1)
     begun, spent = time.monotonic(), time.process_time()
-    content = diagnose(simulator, dataset, executor, 1, next_gait=False, memory=memory).to_dict()
+    content = diagnose(simulator, dataset, REQUEST, executor, cache=memory).to_dict()
     if not times.exists():  # a diagnosis from memory would be too quick
         times.parent.mkdir(parents=True, exist_ok=True)
         took = {"wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - spent}

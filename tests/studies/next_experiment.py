@@ -31,7 +31,7 @@ from gaitopt.blind.scoring import mean, rate
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
-from gaitopt.diagnose.diagnosis import Diagnosis, diagnose
+from gaitopt.diagnose.diagnosis import Diagnosis, DiagnosisRequest, diagnose
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.gait.gait import Gait, write_gait
 from gaitopt.optimise.executors import open_executor
@@ -76,7 +76,7 @@ class Study:
         """Return the diagnosis of a data set."""
         simulator = self.factory.nominal
         dataset = load_dataset(folder, self.factory.problem, [s for s in simulator.signals if s])
-        return diagnose(simulator, dataset, self.executor, 1, next_gait=next_gait)
+        return diagnose(simulator, dataset, DiagnosisRequest(1, None, next_gait), self.executor)
 
     def case(self, index: int, work: Path) -> dict[str, Any]:
         """Return what became of one case: the set before, and after each of the gaits."""

@@ -12,8 +12,8 @@ import shlex
 import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import pytest
@@ -27,7 +27,7 @@ from gaitopt.cli.command import Command
 from gaitopt.cli.commands import COMMANDS
 from gaitopt.cli.demo import demo_problem
 from gaitopt.core.files import write_text
-from gaitopt.diagnose import diagnosis
+from gaitopt.jobs import blind
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.rollout import Simulator
 
@@ -48,12 +48,8 @@ def workplace(
     """A folder in which the bundled names mean quick copies; plans have few starts, films few pictures."""
     for module, name, value in brief_studies():
         monkeypatch.setattr(module, name, value)
-    whole = diagnosis.diagnose
-
-    def brief(*arguments: Any, among: Sequence[str] | None, **options: Any) -> diagnosis.Diagnosis:
-        return whole(*arguments, among=among or ["ground_slope", "camera_scale"], **options)
-
-    monkeypatch.setattr(diagnosis, "diagnose", brief)
+    few = replace(blind.EACH_CASE, effects=["ground_slope", "camera_scale"])
+    monkeypatch.setattr(blind, "EACH_CASE", few)
     monkeypatch.setattr(demo, "demo_problem", lambda: quick)
     monkeypatch.setattr(demo, "BUDGET", BUDGET)
     for name in ("arcfold", "arcfold-published"):

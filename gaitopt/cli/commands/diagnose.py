@@ -67,12 +67,11 @@ def run(options: Options) -> None:
 
 def _print_run(done: DiagnosisRun, as_json: bool) -> None:
     from gaitopt.cli.display import print_report
-    from gaitopt.core.files import read_json
     from gaitopt.core.json import to_json
-    from gaitopt.jobs.diagnose import DIAGNOSIS_FILE
+    from gaitopt.runs.diagnosis_folder import read_diagnosis
 
-    if as_json and done.folder is not None:
-        print(to_json(read_json(done.folder / DIAGNOSIS_FILE)), end="")
+    if as_json and done.folder is not None and (written := read_diagnosis(done.folder)):
+        print(to_json(written.content), end="")
         return
     print(done.answer)
     for sentence in done.explanation:

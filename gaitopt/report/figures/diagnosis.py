@@ -9,13 +9,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gaitopt.core.statistics import NORMAL_95
-from gaitopt.diagnose.diagnosis import Diagnosis, TrialGap
+from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.fit.fitting import TrialSet
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.where import COMPONENTS
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.precision import intervals
+from gaitopt.diagnose.trial_gap import TrialGap
 from gaitopt.report.figures.style import BEST_COLOUR, COLOURS, finish, legend_below, plain_ticks
 from gaitopt.robot.signals import is_marker, name_of
 

@@ -1,0 +1,161 @@
+"""One trial beside the nominal prediction: its gap, its floors, and what is wrong with its recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+from gaitopt.diagnose.gap.align import Aligned
+from gaitopt.diagnose.gap.floor import Floor, Floors, marker_floor
+from gaitopt.diagnose.gap.mismatches import mismatches
+from gaitopt.diagnose.gap.where import COMPONENTS, Split, split
+from gaitopt.diagnose.record.cleaning import Cleaned
+from gaitopt.diagnose.record.cycles import steady_from
+from gaitopt.diagnose.record.defect import Defect
+from gaitopt.effects import EFFECTS
+from gaitopt.problem.problem import Problem
+from gaitopt.robot.signals import is_marker, unit_of
+
+SIGNIFICANT = 2.0
+"""A gap of this many floors is significant: what remains of a right model is below it in 95 of 100 cases."""
+
+DEFECT_COMPONENTS = {"marker_outliers": "noise", "frozen_frames": "noise", "clock_rounding": "timing"}
+"""Component of the gap that a defect of the record belongs to."""
+
+
+@dataclass(frozen=True)
+class SignalGap:
+    """The gap of one signal of one trial.
+
+    Attributes:
+        signal: name of the signal.
+        gap: RMS distance of measured and predicted, in `unit`.
+        floor: what keeps a right model from fitting better.
+        split: the gap by component.
+    """
+
+    signal: str
+    gap: float
+    floor: Floor
+    split: Split
+
+    @property
+    def unit(self) -> str:
+        """Unit of the signal, ``m`` or ``rad``."""
+        return unit_of(self.signal)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return a row of ``signals`` of a trial in ``diagnosis.json``."""
+        measured, simulated = self.split.travel or (None, None)
+        return {
+            "signal": self.signal,
+            "unit": self.unit,
+            "gap": self.gap,
+            "floor": self.floor.total,
+            "floor_parts": asdict(self.floor),
+            "travel_measured": measured,
+            "travel_simulated": simulated,
+            "size_ratio": self.split.size,
+            "delay_s": self.split.delay_s,
+            "by_phase": self.split.by_phase.tolist(),
+        }
+
+
+@dataclass(frozen=True)
+class TrialGap:
+    """One trial beside the nominal prediction.
+
+    Attributes:
+        cleaned: the trial as recorded and as used, with the record's own defects.
+        aligned: the cleaned trial beside the nominal prediction.
+        floors: floor of each signal.
+        splits: the gap of each signal by component, the defects' share with it.
+        mismatches: defects seen only beside the prediction.
+    """
+
+    cleaned: Cleaned
+    aligned: Aligned
+    floors: Floors
+    splits: Mapping[str, Split]
+    mismatches: tuple[Defect, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the trial."""
+        return self.aligned.trial.name
+
+    @property
+    def defects(self) -> tuple[Defect, ...]:
+        """Everything wrong with the record."""
+        return self.cleaned.defects + self.mismatches
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """Gap over floor, of the marker and of each angle."""
+        pairs = {n: (self.aligned.rms(n), f.total) for n, f in self.floors.items() if not is_marker(n)}
+        if any(map(is_marker, self.floors)):
+            pairs = {"marker": (self.aligned.marker_rms, marker_floor(self.floors))} | pairs
+        return {name: gap / floor if floor > 0.0 else math.inf for name, (gap, floor) in pairs.items()}
+
+    @property
+    def counts(self) -> bool:
+        """Whether the trial can blame anything: a gap, cleaned or as recorded, above the floor."""
+        return max(self.ratios.values()) > 1.0 or bool(self.blamed)
+
+    @property
+    def significant(self) -> bool:
+        """Whether a gap is left, once defects are masked, that the floor does not explain."""
+        return max(self.ratios.values()) > SIGNIFICANT
+
+    @property
+    def blamed(self) -> list[Defect]:
+        """Defects whose error alone exceeds the marker's floor."""
+        floor = marker_floor(self.floors)
+        causes = [d for d in self.cleaned.defects if d.name in EFFECTS and EFFECTS[d.name].found_in_record]
+        return [defect for defect in causes if defect.error_m > floor]
+
+    @property
+    def signals(self) -> list[SignalGap]:
+        """The gap of each signal."""
+        return [
+            SignalGap(name, self.aligned.rms(name), floor, self.splits[name])
+            for name, floor in self.floors.items()
+        ]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return a row of ``trials`` in ``diagnosis.json``."""
+        aligned = self.aligned
+        return {
+            "name": self.name,
+            "gait": aligned.trial.drive.name,
+            "period_s": aligned.trial.drive.period_s,
+            "offset_s": aligned.offset_s,
+            "offset_fitted": aligned.trial.starts_at_s is None,
+            "marker_gap_m": aligned.marker_rms,
+            "marker_floor_m": marker_floor(self.floors),
+            "gap_over_floor": self.ratios,
+            "significant": self.significant,
+            "counts": self.counts,
+            "signals": [signal.to_dict() for signal in self.signals],
+        }
+
+
+def trial_gap(problem: Problem, cleaned: Cleaned, aligned: Aligned, floors: Floors) -> TrialGap:
+    """Split the gap of a trial, and look for defects that only the prediction shows.
+
+    Args:
+        problem: the nominal problem.
+        cleaned: the trial with the defects of its record.
+        aligned: the same beside the nominal prediction.
+        floors: the floor of each signal.
+    """
+    transient = steady_from(problem.simulation.horizon, aligned.trial.drive)
+    splits = {}
+    for name in aligned.trial.signals:
+        extra = dict.fromkeys(COMPONENTS, 0.0)
+        for defect in cleaned.defects:
+            if defect.name in DEFECT_COMPONENTS:
+                extra[DEFECT_COMPONENTS[defect.name]] += defect.errors_m.get(name, 0.0) ** 2
+        splits[name] = split(aligned, name, transient, extra)
+    return TrialGap(cleaned, aligned, floors, splits, tuple(mismatches(aligned, transient)))

@@ -1,0 +1,159 @@
+"""Tables of a diagnosis' page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from gaitopt.core.quantities import figure
+from gaitopt.diagnose.correction import Correction
+from gaitopt.diagnose.diagnosis import Diagnosis, GapOfTrial
+from gaitopt.diagnose.gap.where import COMPONENTS, GapShare
+from gaitopt.report.page import Table
+from gaitopt.robot.signals import unit_of
+
+_SHOWN = 8
+"""Rows of a table that shows the largest."""
+
+
+def effects(diagnosis: Diagnosis) -> Table | None:
+    """Return the most probable effects; None where none was fitted."""
+    found = diagnosis.found
+    if found is None or not found.effects:
+        return None
+    return Table(
+        head=[
+            *("effect", "probability", "parameter", "fitted", "90 % interval"),
+            *("gap removed", "error left", "alike"),
+        ],
+        rows=[_effect_row(row) for row in found.effects[:_SHOWN]],
+        note="Gap removed: share of the marker's gap above the floor that the effect removes, on trials that "
+        "its fit did not see. More than 100 % is below the floor; less than 0 makes the gap larger. Error "
+        "left: in the worst trial; 1 for a right model. Alike: cosine between the change that the effect "
+        "makes and the change that the answer's effect makes. Near 1, these trials can hardly tell the two "
+        "apart.",
+        mark_first=bool(diagnosis.causes),
+        words=(2,),
+    )
+
+
+def _effect_row(row: Mapping[str, Any]) -> list[str]:
+    parameter, found = next(iter(row["parameters"].items()))
+    removed = row["heldout_shrinkage"]
+    return [
+        row["name"] if row["target"] == "all" else f"{row['name']}, {row['target']}",
+        probability(row["probability"]),
+        parameter + (f" [{row['unit']}]" if row["unit"] else ""),
+        f"{found['value']:.4g}",
+        " to ".join(f"{end:.4g}" for end in found["ci90"]),
+        "–" if removed is None else f"{100 * removed:.0f} %",
+        figure(row["heldout_left"]),
+        f"{row['alike']:.2f}",
+    ]
+
+
+def probability(value: float) -> str:
+    """Return a probability in percent."""
+    return "< 0.1 %" if value < 1e-3 else f"{100 * value:.1f} %"
+
+
+def shrinkage(diagnosis: Diagnosis) -> Table | None:
+    """Return the gap before and after, trial by trial; None where nothing was fitted."""
+    if not diagnosis.gap_by_trial:
+        return None
+    rows = [*diagnosis.gap_by_trial, GapOfTrial("all trials", diagnosis.gap)]
+    return Table(
+        head=["trial", "before, mm", "after, mm", "floor, mm", "gap removed (90 %)"],
+        rows=[_shrinkage_row(row) for row in rows],
+        note="RMS error of the marker with the most probable effect, on data that its fit did not see. Gap "
+        "removed: share of what is above the floor. A dash: nothing is above the floor.",
+    )
+
+
+def _shrinkage_row(row: GapOfTrial) -> list[str]:
+    gap, share = row.gap, row.gap.shrinkage
+    millimetres = [figure(1e3 * value) for value in (gap.before, gap.after, gap.floor)]
+    low, high = gap.ci90
+    known = share is not None and math.isfinite(low) and math.isfinite(high)
+    return [row.trial, *millimetres, f"{share:.0%} ({low:.0%} to {high:.0%})" if known else "–"]
+
+
+def walked(correction: Correction | None) -> Table | None:
+    """Return the speeds of gaits on both robots; None where none were simulated."""
+    if correction is None or not correction.walked:
+        return None
+    return Table(
+        head=["gait", "period [s]", "nominal [mm/s]", "corrected [mm/s]"],
+        rows=[
+            [row.name, figure(row.period_s), f"{1e3 * row.nominal_m_s:.1f}", f"{1e3 * row.corrected_m_s:.1f}"]
+            for row in correction.walked
+        ],
+        note="Forward speed over whole cycles in the nominal scenario. The corrected robot has the most "
+        "probable effect, which may not be certain. For a full search on the corrected robot: gaitopt "
+        "optimise corrected.toml.",
+    )
+
+
+def largest_parts(diagnosis: Diagnosis) -> Table | None:
+    """Return the largest components of the gap; None where no trial has a gap above its floor."""
+    if not diagnosis.where:
+        return None
+    return Table(
+        head=["signal", "component", "share of the whole", "RMS", "floors"],
+        rows=[_part_row(row) for row in diagnosis.where[:_SHOWN]],
+        note="Drift: travel per cycle that the size of the stride does not explain. Stride: size and shape "
+        "of the motion inside a cycle, with the travel that goes with its size. Timing: the same motion "
+        "later or earlier. Transient: before the steady motion. Noise: what differs from cycle to cycle. "
+        "Shares are of the squared gap in floors, over the trials that count.",
+        words=(1,),
+    )
+
+
+def _part_row(row: GapShare) -> list[str]:
+    return [
+        f"{row.trial}: {row.signal}",
+        row.component,
+        f"{100 * row.share:.0f} %",
+        _amount(row.gap, row.unit),
+        "–" if row.floors is None else f"{row.floors:.1f}",
+    ]
+
+
+def signals(diagnosis: Diagnosis) -> Table:
+    """Return how each signal differs from its prediction."""
+    rows = []
+    for trial in diagnosis.trials:
+        for name, part in trial.splits.items():
+            travels = (
+                [_amount(travel, unit_of(name)) for travel in part.travel] if part.travel else ["–", "–"]
+            )
+            shares = [f"{100 * part.squares[c] / (part.rms**2 or 1.0):.0f} %" for c in COMPONENTS]
+            size, delay = f"{part.size:.2f}", f"{1e3 * part.delay_s:+.0f} ms"
+            rows.append([f"{trial.name}: {name}", *travels, size, delay, *shares])
+    return Table(
+        head=["signal", "travel a cycle", "simulated", "size in a cycle", "delay", *COMPONENTS], rows=rows
+    )
+
+
+def floors(diagnosis: Diagnosis) -> Table:
+    """Return the floor of each signal and its parts."""
+    rows = []
+    for trial in diagnosis.trials:
+        for name, floor in trial.floors.items():
+            parts = (floor.noise, floor.spread, floor.repeats, floor.start_pose, floor.numerics, floor.clock)
+            amounts = (trial.aligned.rms(name), floor.total, *parts)
+            cells = ("–" if amount is None else _amount(amount, unit_of(name)) for amount in amounts)
+            rows.append([f"{trial.name}: {name}", *cells])
+    return Table(
+        head=["signal", "gap", "floor", "noise", "cycles", "repeats", "start pose", "timestep", "clock"],
+        rows=rows,
+        note="RMS. The data give noise, spread of the cycles and repeats. The simulator, at the fidelity "
+        "used, gives start pose, timestep and the error of rounded time stamps.",
+    )
+
+
+def _amount(value: float, unit: str) -> str:
+    """Return a length in mm or an angle in degrees; what rounds to nothing is 0."""
+    scaled, shown = (1e3 * value, " mm") if unit == "m" else (math.degrees(value), "°")
+    return f"{figure(scaled) if abs(scaled) >= 5e-3 else '0'}{shown}"

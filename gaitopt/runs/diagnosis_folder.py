@@ -1,0 +1,85 @@
+"""The run folder of a diagnosis: made, locked, and read back when it is finished."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from gaitopt.core.files import read_json
+from gaitopt.core.validation import validated
+from gaitopt.runs.folder import held, new_folder
+
+DIAGNOSIS_FILE = "diagnosis.json"
+"""What was found; written last, so a folder that has it is finished."""
+
+CORRECTED_FILE = "corrected.toml"
+"""The problem with what was found switched on, where anything was."""
+
+NEXT_FILE = "next.toml"
+"""The gait to measure next."""
+
+
+class _Printed(BaseModel):
+    """What is printed of a finished diagnosis."""
+
+    model_config = ConfigDict(frozen=True)
+
+    answer: str
+    explanation: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FinishedDiagnosis:
+    """A diagnosis that was written, as its file has it.
+
+    Attributes:
+        folder: its run folder.
+        answer: the verdict in one sentence.
+        explanation: sentence by sentence, what is known.
+        content: all of ``diagnosis.json``.
+    """
+
+    folder: Path
+    answer: str
+    explanation: tuple[str, ...]
+    content: dict[str, object]
+
+
+def read_diagnosis(folder: Path) -> FinishedDiagnosis | None:
+    """Return the finished diagnosis of a run folder; None where there is none yet.
+
+    Raises:
+        GaitoptError: its file was changed since, and what is printed of it is no longer there.
+    """
+    path = folder / DIAGNOSIS_FILE
+    if not path.is_file():
+        return None
+    content = read_json(path)
+    printed = validated(_Printed, content, path)
+    return FinishedDiagnosis(folder, printed.answer, printed.explanation, content)
+
+
+@contextmanager
+def diagnosis_folder(out: Path | None, resumed: Path | None, name: str) -> Iterator[Path]:
+    """Yield the run folder of a diagnosis, and keep every other run out; one that stays empty is removed.
+
+    Args:
+        out: the folder; a new one by default.
+        resumed: the folder of an interrupted diagnosis to go on with instead.
+        name: the problem's name.
+
+    Raises:
+        GaitoptError: the folder holds something already, cannot be written, or another run works there.
+    """
+    folder = resumed or new_folder(out, f"{name}-diagnosis")
+    try:
+        with held(folder):
+            yield folder
+    finally:
+        if resumed is None:
+            with suppress(OSError):  # it holds something, or is gone
+                folder.rmdir()
