@@ -18,7 +18,8 @@ from gaitopt.gait.gait import Gait, read_gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.gait.table import is_table, read_table
 from gaitopt.problem.lookup import model_file, problem_file
-from gaitopt.problem.records import Horizon, Objective, ProblemFile, Simulation
+from gaitopt.problem.objective import Objective
+from gaitopt.problem.records import Horizon, ProblemFile, Simulation
 from gaitopt.robot.roles import Roles
 
 _T = TypeVar("_T")

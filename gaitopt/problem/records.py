@@ -4,34 +4,30 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from gaitopt.core.errors import unknown_name
 from gaitopt.core.validation import Name
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Channel
 from gaitopt.gait.space import ChannelSpace
+from gaitopt.problem.fields import (
+    FileRecord,
+    Finite,
+    Interval,
+    NonNegative,
+    Number,
+    Period,
+    Positive,
+    check_ordered,
+)
+from gaitopt.problem.objective import Objective
 from gaitopt.robot.roles import Roles
 
-_Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
-_Period = Annotated[float, Field(strict=True, ge=1e-3, le=1e6, allow_inf_nan=False)]
-_NonNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
-_Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-_Number = Annotated[float, Field(strict=True)]
-_Interval = Annotated[tuple[_Finite, _Finite], Field()]
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
-
-
-def _ordered(key: str, interval: tuple[float, float]) -> None:
-    if interval[0] > interval[1]:
-        raise ValueError(f"{key}: found {list(interval)}; allowed: [low, high] with low <= high")
-
-
-class Parameter(_Record):
+class Parameter(FileRecord):
     """A named number of the model.
 
     Attributes:
@@ -42,10 +38,10 @@ class Parameter(_Record):
             to write, where ``{}`` stands for the value.
     """
 
-    value: _Finite
+    value: Finite
     unit: str
     origin: str
-    sets: dict[str, str] = {}
+    sets: dict[str, str] = Field(default_factory=dict)
 
     @model_validator(mode="before")
     @classmethod
@@ -55,7 +51,7 @@ class Parameter(_Record):
         return values
 
 
-class Start(_Record):
+class Start(FileRecord):
     """The state before the gait: the targets held, and whether the robot first comes to rest under them.
 
     Attributes:
@@ -63,11 +59,11 @@ class Start(_Record):
         settle: let the robot come to rest; otherwise the MJCF's keyframe ``start`` is used unchanged.
     """
 
-    ctrl_deg: dict[str, _Finite] = {}
+    ctrl_deg: dict[str, Finite] = Field(default_factory=dict)
     settle: bool = True
 
 
-class ChannelBounds(_Record):
+class ChannelBounds(FileRecord):
     """One actuator: its travel, its servo, and what a search may do with it (see `ChannelSpace`).
 
     Attributes:
@@ -77,19 +73,19 @@ class ChannelBounds(_Record):
         servo: calibration of the servo.
     """
 
-    range_deg: _Interval
-    amplitude_deg: _Interval | None = None
-    duty: _Interval = (0.1, 0.9)
-    smoothing: _Interval = (0.0, 1.0)
+    range_deg: Interval
+    amplitude_deg: Interval | None = None
+    duty: Interval = (0.1, 0.9)
+    smoothing: Interval = (0.0, 1.0)
     servo: Calibration = Calibration()
 
     @model_validator(mode="after")
     def _check(self) -> ChannelBounds:
-        _ordered("range_deg", self.range_deg)
+        check_ordered("range_deg", self.range_deg)
         if self.amplitude_deg is not None:
             self._check_amplitude(self.amplitude_deg)
         for key in ("duty", "smoothing"):
-            _ordered(key, getattr(self, key))
+            check_ordered(key, getattr(self, key))
         for key in ("duty", "smoothing"):
             low, high = getattr(self, key)
             if low < 0.0 or high > 1.0:
@@ -97,7 +93,7 @@ class ChannelBounds(_Record):
         return self
 
     def _check_amplitude(self, amplitude_deg: tuple[float, float]) -> None:
-        _ordered("amplitude_deg", amplitude_deg)
+        check_ordered("amplitude_deg", amplitude_deg)
         width = self.range_deg[1] - self.range_deg[0]
         widest = max(abs(end) for end in amplitude_deg)
         if widest > width:
@@ -111,10 +107,10 @@ class ChannelBounds(_Record):
         return ChannelSpace(self.range_deg, self.amplitude_deg, self.duty, self.smoothing)
 
 
-class Baseline(_Record):
+class Baseline(FileRecord):
     """A hand-tuned gait: a whole gait, or another baseline's wave at another period."""
 
-    period_s: _Period
+    period_s: Period
     like: str | None = None
     channels: dict[str, Channel] | None = None
 
@@ -125,14 +121,14 @@ class Baseline(_Record):
         return self
 
 
-class Fidelity(_Record):
+class Fidelity(FileRecord):
     """How finely a simulation is integrated."""
 
     timestep_s: Annotated[float, Field(ge=1e-6, le=0.1)]
     integrator: Integrator
 
 
-class Horizon(_Record):
+class Horizon(FileRecord):
     """Which part of a rollout counts: whole cycles after the transient.
 
     Attributes:
@@ -140,9 +136,9 @@ class Horizon(_Record):
         measured_s, measured_cycles: at least this much is measured.
     """
 
-    transient_s: Annotated[_NonNegative, Field(le=1e6)] = 1.0
+    transient_s: Annotated[NonNegative, Field(le=1e6)] = 1.0
     transient_cycles: Annotated[int, Field(ge=0, le=1000)] = 1
-    measured_s: Annotated[_Positive, Field(le=1e6)] = 4.0
+    measured_s: Annotated[Positive, Field(le=1e6)] = 4.0
     measured_cycles: Annotated[int, Field(ge=1, le=1000)] = 2
 
     def cycles(self, period_s: float) -> tuple[int, int]:
@@ -151,7 +147,7 @@ class Horizon(_Record):
         return transient, max(self.measured_cycles, _ceil(self.measured_s / period_s))
 
 
-class Simulation(_Record):
+class Simulation(FileRecord):
     """Working and reference fidelity, and the horizon of a rollout."""
 
     working: Fidelity
@@ -159,17 +155,17 @@ class Simulation(_Record):
     horizon: Horizon = Horizon()
 
 
-class Servo(_Record):
+class Servo(FileRecord):
     """How commands reach the servos.
 
     Attributes:
         frame_s: period of the servo signal; a target is sent once a frame and acts one frame later.
     """
 
-    frame_s: _Positive = 0.02
+    frame_s: Positive = 0.02
 
 
-class ScenarioSpread(_Record):
+class ScenarioSpread(FileRecord):
     """How scenarios differ from the nominal robot.
 
     Attributes:
@@ -190,73 +186,7 @@ class ScenarioSpread(_Record):
     framed: bool = True
 
 
-class Constraint(_Record):
-    """A limit on a metric.
-
-    Attributes:
-        max, min: the metric is at most `max` and at least `min`; one of them may be missing.
-        scale: size of a serious violation, in the metric's unit.
-    """
-
-    max: float | None = None
-    min: float | None = None
-    scale: _Positive = 1.0
-
-    @model_validator(mode="after")
-    def _has_a_limit(self) -> Constraint:
-        if self.max is None and self.min is None:
-            raise ValueError("allowed: `max`, `min` or both")
-        return self
-
-
-class Quantile(_Record):
-    """A quantile over the scenarios.
-
-    Attributes:
-        quantile: share of the scenarios that are worse, 0 to 0.5.
-    """
-
-    quantile: Annotated[float, Field(strict=True, ge=0.0, le=0.5)]
-
-
-class Objective(_Record):
-    """What to look for: weighted metrics to minimise, and limits that must hold.
-
-    Attributes:
-        terms: weight of each metric in the cost; negative where more of it is better.
-        constraints: limits by metric name.
-        penalty: cost of violating a constraint by its scale.
-        search_margin: share by which the search tightens every limit. A search often ends on a limit, and
-            its few scenarios cannot tell on which side.
-        over_scenarios: how a gait is judged over its scenarios. By the ``mean``, limits hold for mean
-            metrics. By the ``worst``, they hold in every scenario. By a quantile, at most this share of
-            the scenarios may be worse, and may violate a limit.
-    """
-
-    terms: dict[str, _Finite]
-    constraints: dict[str, Constraint] = {}
-    penalty: _Positive = 1.0
-    search_margin: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] = 0.0
-    over_scenarios: Literal["mean", "worst"] | Quantile = "mean"
-
-    @field_validator("over_scenarios", mode="before")
-    @classmethod
-    def _is_a_rule(cls, value: Any) -> Any:
-        share = value.get("quantile") if isinstance(value, dict) and len(value) == 1 else None
-        number = isinstance(share, (int, float)) and not isinstance(share, bool) and 0.0 <= share <= 0.5
-        if not (number or value in ("mean", "worst") or isinstance(value, Quantile)):
-            raise ValueError(f'found {value!r}; allowed: "mean", "worst" or {{ quantile = 0 to 0.5 }}')
-        return {"quantile": float(share)} if share is not None else value
-
-    @property
-    def worse_share(self) -> float | None:
-        """Share of the scenarios that may be worse than a gait's cost says; None for the mean."""
-        if isinstance(self.over_scenarios, Quantile):
-            return self.over_scenarios.quantile
-        return 0.0 if self.over_scenarios == "worst" else None
-
-
-class Planar(_Record):
+class Planar(FileRecord):
     """Names that the planar model of a two-module crawler needs; all its figures come from the MJCF.
 
     Attributes:
@@ -279,13 +209,13 @@ class Planar(_Record):
     links: tuple[str, str]
 
 
-class GaitBounds(_Record):
+class GaitBounds(FileRecord):
     """The periods that a search may use, s."""
 
-    period_s: tuple[_Period, _Period]
+    period_s: tuple[Period, Period]
 
 
-class ProblemFile(_Record):
+class ProblemFile(FileRecord):
     """The content of a problem file.
 
     ``[gait]`` and ``[objective]``, like `Roles.marker` and `Roles.pads`, are optional. What needs one that
@@ -295,16 +225,16 @@ class ProblemFile(_Record):
     name: Annotated[str, Field(max_length=100, pattern=r"^\w[\w .+-]*$")]
     description: str = ""
     model: str | None = None
-    parameters: dict[Name, Parameter] = {}
+    parameters: dict[Name, Parameter] = Field(default_factory=dict)
     roles: Roles
     start: Start = Start()
     gait: GaitBounds | None = None
     channels: Annotated[dict[Name, ChannelBounds], Field(min_length=1)]
-    baselines: dict[Name, Baseline] = {}
+    baselines: dict[Name, Baseline] = Field(default_factory=dict)
     simulation: Simulation
     servo: Servo = Servo()
     scenarios: ScenarioSpread = ScenarioSpread()
-    effects: dict[str, dict[str, _Number | str]] = {}
+    effects: dict[str, dict[str, Number | str]] = Field(default_factory=dict)
     objective: Objective | None = None
     planar: Planar | None = None
 
@@ -325,7 +255,7 @@ class ProblemFile(_Record):
         return self
 
     def _check_gait_space(self, gait: GaitBounds) -> None:
-        _ordered("gait.period_s", gait.period_s)
+        check_ordered("gait.period_s", gait.period_s)
         for name, channel in self.channels.items():
             if channel.amplitude_deg is None:
                 raise ValueError(f"channels.{name}.amplitude_deg: missing; [gait] needs it")

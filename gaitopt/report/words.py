@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 
 from gaitopt.core.quantities import figure
 from gaitopt.optimise.compare import ComparedGait
+from gaitopt.problem.objective import Objective
 from gaitopt.problem.problem import Problem
-from gaitopt.problem.records import Objective
 from gaitopt.runs.summary import GaitRow, Summary
 from gaitopt.simulation.labels import title_of
 

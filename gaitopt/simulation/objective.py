@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gaitopt.core.errors import unknown_name
+from gaitopt.problem.objective import Constraint, Objective
 from gaitopt.problem.problem import Problem
-from gaitopt.problem.records import Constraint, Objective
 from gaitopt.simulation.metrics import Metrics, mean_metrics, metric_names
 
 FAILED_COST = 1e6

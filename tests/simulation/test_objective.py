@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.validation import validated
 from gaitopt.problem.model import nominal_mjcf
+from gaitopt.problem.objective import Objective
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.problem.records import Objective, ProblemFile
+from gaitopt.problem.records import ProblemFile
 from gaitopt.runs.folder import write_problem
 from gaitopt.simulation.metrics import Metrics, metric_names
 from gaitopt.simulation.objective import FAILED_COST, check_objective, evaluate

@@ -1,0 +1,75 @@
+"""The objective of a problem file: what a search minimises, and the limits that must hold."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from gaitopt.problem.fields import FileRecord, Finite, Positive
+
+
+class Constraint(FileRecord):
+    """A limit on a metric.
+
+    Attributes:
+        max, min: the metric is at most `max` and at least `min`; one of them may be missing.
+        scale: size of a serious violation, in the metric's unit.
+    """
+
+    max: float | None = None
+    min: float | None = None
+    scale: Positive = 1.0
+
+    @model_validator(mode="after")
+    def _has_a_limit(self) -> Constraint:
+        if self.max is None and self.min is None:
+            raise ValueError("allowed: `max`, `min` or both")
+        return self
+
+
+class Quantile(FileRecord):
+    """A quantile over the scenarios.
+
+    Attributes:
+        quantile: share of the scenarios that are worse, 0 to 0.5.
+    """
+
+    quantile: Annotated[float, Field(strict=True, ge=0.0, le=0.5)]
+
+
+class Objective(FileRecord):
+    """What to look for: weighted metrics to minimise, and limits that must hold.
+
+    Attributes:
+        terms: weight of each metric in the cost; negative where more of it is better.
+        constraints: limits by metric name.
+        penalty: cost of violating a constraint by its scale.
+        search_margin: share by which the search tightens every limit. A search often ends on a limit, and
+            its few scenarios cannot tell on which side.
+        over_scenarios: how a gait is judged over its scenarios. By the ``mean``, limits hold for mean
+            metrics. By the ``worst``, they hold in every scenario. By a quantile, at most this share of
+            the scenarios may be worse, and may violate a limit.
+    """
+
+    terms: dict[str, Finite]
+    constraints: dict[str, Constraint] = Field(default_factory=dict)
+    penalty: Positive = 1.0
+    search_margin: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] = 0.0
+    over_scenarios: Literal["mean", "worst"] | Quantile = "mean"
+
+    @field_validator("over_scenarios", mode="before")
+    @classmethod
+    def _is_a_rule(cls, value: Any) -> Any:
+        share = value.get("quantile") if isinstance(value, dict) and len(value) == 1 else None
+        number = isinstance(share, (int, float)) and not isinstance(share, bool) and 0.0 <= share <= 0.5
+        if not (number or value in ("mean", "worst") or isinstance(value, Quantile)):
+            raise ValueError(f'found {value!r}; allowed: "mean", "worst" or {{ quantile = 0 to 0.5 }}')
+        return {"quantile": float(share)} if share is not None else value
+
+    @property
+    def worse_share(self) -> float | None:
+        """Share of the scenarios that may be worse than a gait's cost says; None for the mean."""
+        if isinstance(self.over_scenarios, Quantile):
+            return self.over_scenarios.quantile
+        return 0.0 if self.over_scenarios == "worst" else None
