@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.files import write_text
 from gaitopt.gait.gait import Gait
 from gaitopt.jobs.executor import opened
 from gaitopt.jobs.inputs import found_gait
@@ -61,12 +60,9 @@ def sweep(
         rows = sweeping.sweep(points, pool)
     if out is None:
         return SweepRun(rows, None)
-    from gaitopt.core.json import to_json
     from gaitopt.report.sweep import write_sweep
 
-    folder = write_sweep(out_folder(out), problem, points)
-    write_text(folder / "sweep.json", to_json({"rows": [row.to_dict() for row in rows]}))
-    return SweepRun(rows, folder)
+    return SweepRun(rows, write_sweep(out_folder(out), problem, points, rows))
 
 
 def _first_baseline(problem: Problem) -> Gait:

@@ -1,12 +1,13 @@
-"""The plots of a sweep: one gait over a range of one parameter."""
+"""The plots and rows of a sweep: one gait over a range of one parameter."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from gaitopt.core.files import write_with
-from gaitopt.optimise.sweep import SweepPoint
+from gaitopt.core.files import write_text, write_with
+from gaitopt.core.json import to_json
+from gaitopt.optimise.sweep import SweepPoint, SweptPoint
 from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.page import png, writer
@@ -14,8 +15,10 @@ from gaitopt.runs.folder import new_folder
 from gaitopt.simulation.rollout import Simulator
 
 
-def write_sweep(path: Path | None, problem: Problem, points: Sequence[SweepPoint]) -> Path:
-    """Write the overlaid and the separate plots of a sweep, and return their folder.
+def write_sweep(
+    path: Path | None, problem: Problem, points: Sequence[SweepPoint], rows: Sequence[SweptPoint]
+) -> Path:
+    """Write the overlaid plot, the separate plots and the rows of a sweep, and return their folder.
 
     The plots show the marker's path; a problem without a marker has none.
 
@@ -23,6 +26,7 @@ def write_sweep(path: Path | None, problem: Problem, points: Sequence[SweepPoint
         path: a new or empty folder; by default a new one.
         problem: the robot.
         points: the problem and the gait at each value, each under a name of its own.
+        rows: what the sweep found at each value.
     """
     folder = new_folder(path, f"{problem.name}-sweep")
     if problem.roles.marker is None:
@@ -40,4 +44,5 @@ def write_sweep(path: Path | None, problem: Problem, points: Sequence[SweepPoint
     }
     for name, drawn in figures.items():
         write_with(folder / f"{name}.png", writer(png(drawn)))
+    write_text(folder / "sweep.json", to_json({"rows": [row.to_dict() for row in rows]}))
     return folder
