@@ -14,7 +14,8 @@ from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
 from gaitopt.robot.signals import is_marker, measured_column_of
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.simulation.rollout import Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
 
 OTHER = Fidelity(timestep_s=5e-4, integrator="RK4")
 SIGNALS = ("marker.x", "marker.y", "marker.z", "joint.mid_left")

@@ -17,7 +17,8 @@ from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.effects.active import Values
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
-from gaitopt.simulation.rollout import NOMINAL, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import NOMINAL
 
 
 @dataclass(frozen=True)

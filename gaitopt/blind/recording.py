@@ -20,7 +20,8 @@ from gaitopt.diagnose.judge.small_errors import with_small_errors
 from gaitopt.problem.records import Fidelity
 from gaitopt.robot.signals import is_marker, measured_column_of
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.simulation.rollout import Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,8 @@ from gaitopt.plan.plan import Planner, PlanSettings
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
 from gaitopt.simulation.metrics import SPEED, measure
-from gaitopt.simulation.rollout import NOMINAL, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 
 

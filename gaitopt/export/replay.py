@@ -19,7 +19,8 @@ from gaitopt.gait.table import GaitTable
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
 from gaitopt.simulation.metrics import SPEED, measure
-from gaitopt.simulation.rollout import Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
 
 
 @dataclass(frozen=True)

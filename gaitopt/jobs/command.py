@@ -15,7 +15,7 @@ from gaitopt.gait.gait import Gait
 from gaitopt.jobs.inputs import found_gait
 from gaitopt.problem.model import build_model, carrying
 from gaitopt.problem.problem import Problem
-from gaitopt.simulation.rollout import servo_commands
+from gaitopt.simulation.commands import servo_commands
 
 _MOST_ROWS = 50_000_000
 

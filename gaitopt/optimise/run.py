@@ -24,7 +24,7 @@ from gaitopt.plan.plan import Elite, Plan, Planner, PlanSettings
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import SPEED
 from gaitopt.simulation.objective import check_searchable
-from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 
 DEFAULT_BUDGET = 600

@@ -14,7 +14,7 @@ from gaitopt.gait.gait import Channel, Gait
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import Metrics
-from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 
 

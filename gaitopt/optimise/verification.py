@@ -15,7 +15,7 @@ from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import SPEED
 from gaitopt.simulation.objective import Evaluation
-from gaitopt.simulation.rollout import Scenario, draw_scenarios
+from gaitopt.simulation.scenario import Scenario, draw_scenarios
 from gaitopt.simulation.setup import RobotSetup
 
 _SELECTION_SCENARIOS = 8

@@ -20,7 +20,8 @@ from gaitopt.problem.start import start_targets
 from gaitopt.robot.contact import can_touch, ground_geoms, mixed_friction
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import SPEED, measure
-from gaitopt.simulation.rollout import Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
 
 REST_MARKER_M_S = 1e-4
 REST_JOINT_RAD_S = 1e-3

@@ -13,7 +13,8 @@ from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
 from gaitopt.problem.robot import Robot
-from gaitopt.simulation.rollout import Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
 
 _KEPT = 8
 """Compiled robots that a worker keeps, the latest ones."""

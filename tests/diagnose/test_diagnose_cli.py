@@ -16,7 +16,8 @@ from gaitopt.diagnose.correction import CorrectionSettings
 from gaitopt.diagnose.fit import fitting
 from gaitopt.problem.problem import load_problem
 from gaitopt.runs.folder import held
-from gaitopt.simulation.rollout import Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
 
 HARDWARE = Path(
     os.environ.get("GAITOPT_HARDWARE_DATA", Path(__file__).parents[3] / "shared/data/arcfold-hardware")

@@ -24,7 +24,8 @@ from gaitopt.optimise.verification import verify
 from gaitopt.problem.model import nominal_mjcf, nominal_parts
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.simulation.rollout import NOMINAL, Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import NOMINAL, Scenario
 from gaitopt.simulation.setup import RobotSetup
 
 CONTRACT = """

@@ -19,7 +19,7 @@ from gaitopt.optimise.run import Optimised, Request, optimise
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import Evaluation
-from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 
 BUDGET = 60

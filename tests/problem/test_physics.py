@@ -12,7 +12,8 @@ from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.records import Fidelity
 from gaitopt.problem.robot import Robot
 from gaitopt.simulation.metrics import measure
-from gaitopt.simulation.rollout import Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
 
 BOTH = ["arcfold", STRIDER]
 

@@ -17,7 +17,8 @@ from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.labels import label_of
 from gaitopt.simulation.metrics import METRICS, Metric, mean_metrics, measure, metric_names
 from gaitopt.simulation.objective import check_objective, evaluate
-from gaitopt.simulation.rollout import Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
 
 Series = NDArray[np.float64]
 

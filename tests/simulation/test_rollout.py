@@ -21,9 +21,11 @@ from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.robot import Robot
 from gaitopt.problem.start import start_targets
 from gaitopt.robot.signals import UNITS, kind_of
+from gaitopt.simulation.commands import servo_commands
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.objective import FAILED_COST
-from gaitopt.simulation.rollout import NOMINAL, Scenario, Simulator, draw_scenarios, servo_commands
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import NOMINAL, Scenario, draw_scenarios
 from gaitopt.simulation.setup import RobotSetup
 
 EXPLODING = {"k_servo": 1e7, "torque_limit": 1e12}

@@ -37,7 +37,8 @@ from gaitopt.problem.robot import Robot
 from gaitopt.report.figures.style import COLOURS, STYLES
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import measure
-from gaitopt.simulation.rollout import Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
 
 STARTS = 16
 START_SPREAD_RAD = 0.005

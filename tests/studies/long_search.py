@@ -29,7 +29,7 @@ from gaitopt.optimise.solvers.solution import Box
 from gaitopt.optimise.study import quasi_random
 from gaitopt.plan.plan import Planner
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.simulation.rollout import NOMINAL, draw_scenarios
+from gaitopt.simulation.scenario import NOMINAL, draw_scenarios
 from gaitopt.simulation.setup import RobotSetup
 
 FIRST = 1000

@@ -44,7 +44,7 @@ from gaitopt.plan.plan import Planner
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.metrics import metric_names
 from gaitopt.simulation.objective import Evaluation
-from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"

@@ -51,7 +51,7 @@ def shared_rollouts(longest: Mapping[str, float]) -> Iterator[None]:
             kept.popitem(last=False)
         if path.status != "ok":
             return own(robot, gait, scenario, duration)
-        return _cut(path, len(robot.clock(duration)[:: robot._every]))
+        return _cut(path, len(robot.clock(duration)[:: robot.sample_steps]))
 
     Simulator.run = run  # type: ignore[method-assign]
     try:

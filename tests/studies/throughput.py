@@ -33,7 +33,8 @@ from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import load_problem
 from gaitopt.problem.start import START
-from gaitopt.simulation.rollout import NOMINAL, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 
 COPIES = 4

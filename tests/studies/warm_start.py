@@ -26,7 +26,7 @@ from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import open_executor
 from gaitopt.problem.problem import load_problem
 from gaitopt.report.figures.style import COLOURS
-from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 
 TARGETS = (0.8, 0.9, 0.95)

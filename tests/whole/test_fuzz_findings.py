@@ -30,7 +30,7 @@ from gaitopt.optimise.run import Request
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import load_problem
 from gaitopt.runs.run_folder import RunFolder
-from gaitopt.simulation.rollout import NOMINAL
+from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 
 

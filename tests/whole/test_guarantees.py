@@ -25,8 +25,8 @@ def test_every_promise_names_tests_that_exist() -> None:
 
 def test_the_figures_are_the_codes() -> None:
     from gaitopt.problem import start
-    from gaitopt.simulation import rollout
+    from gaitopt.simulation.rollout import RolloutSettings
 
-    assert rollout._MAX_STEPS == 5_000_000
+    assert RolloutSettings().max_steps == 5_000_000
     assert start.SETTLE_LIMIT_STEPS == 1_000_000
     assert "five million steps a rollout, a million to come to rest" in " ".join(PAGE.split())

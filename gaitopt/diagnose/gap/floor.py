@@ -24,7 +24,8 @@ from gaitopt.diagnose.record.trial import Trial
 from gaitopt.problem.records import Fidelity
 from gaitopt.robot.signals import is_marker
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.simulation.rollout import NOMINAL, Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import NOMINAL, Scenario
 
 START_POSES = 4
 """Start poses drawn, of the size that the problem's scenarios say."""

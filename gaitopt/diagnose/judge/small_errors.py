@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 
 from gaitopt.core.streams import Stream, generator
-from gaitopt.simulation.rollout import Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
 
 DRAWS = 7
 """Robots drawn."""

@@ -15,7 +15,8 @@ from gaitopt.gait.drive import Drive
 from gaitopt.optimise.executors import SerialExecutor, open_executor, working
 from gaitopt.problem.problem import Problem
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.simulation.rollout import Scenario, Simulator
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
 
 
 @pytest.fixture(scope="module")
