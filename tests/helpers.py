@@ -86,7 +86,7 @@ def brief_studies() -> list[tuple[ModuleType, str, object]]:
     """What to set in which module so that jobs are brief: few starts, samples, pictures and pixels."""
     from gaitopt.diagnose import correction  # which most tests have no need to load
     from gaitopt.diagnose.judge import experiment
-    from gaitopt.optimise import run as search
+    from gaitopt.optimise import settings as searching
     from gaitopt.plan import plan  # which most tests have no need to load
     from gaitopt.report import settings  # which most tests have no need to load
     from gaitopt.simulation import check  # which most tests have no need to load
@@ -94,8 +94,8 @@ def brief_studies() -> list[tuple[ModuleType, str, object]]:
     brief = functools.partial(plan.PlanSettings, n_samples=6, n_starts=(2, 1, 1), iterations=8)
     jerky = settings.FilmSettings(fps=2.0, loop_rates=(2.0,))
     return [
-        *((module, "PlanSettings", brief) for module in (plan, search)),
-        (search, "_SAMPLE", 4),
+        (plan, "PlanSettings", brief),
+        (searching, "DEFAULT", searching.SearchSettings(plan=brief(), correlation_gaits=4)),
         *((experiment, name, few) for name, few in (("SECONDS", 1.0), ("_RANDOM", 1), ("_REFINED", 1))),
         (experiment, "_FINALISTS", 1),
         (correction, "DEFAULT", correction.CorrectionSettings(plan=brief(n_starts=(2, 1, 1), n_elites=3))),

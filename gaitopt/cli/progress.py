@@ -4,32 +4,31 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from gaitopt.core.progress import OnProgress, silent
-from gaitopt.core.progress import Progress as Step
-from gaitopt.optimise.study import Progress
+from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.optimise.study import OnSearchProgress, SearchProgress
 
 _PLAIN_EVERY_S = 10.0
 """Seconds between lines where there is no terminal."""
 
 
-def show_checks(step: Step) -> None:
+def show_checks(step: Progress) -> None:
     """Say which check begins."""
     print(f"checking {step.stage} …", file=sys.stderr)
 
 
 @contextmanager
-def search_display(quiet: bool) -> Iterator[Callable[[Progress], None]]:
+def search_display(quiet: bool) -> Iterator[OnSearchProgress]:
     """Yield what a search calls as it goes on."""
     console = Console(stderr=True)
     if quiet:
-        yield lambda progress: None
+        yield silent
     elif console.is_terminal:
         columns = (
             TextColumn("{task.fields[method]}"),
@@ -42,13 +41,13 @@ def search_display(quiet: bool) -> Iterator[Callable[[Progress], None]]:
         with Bar(*columns, console=console) as bar:
             task = bar.add_task("search", total=None, method="baselines", best="-", simulated=0.0)
 
-            def show(progress: Progress) -> None:
-                done = progress.done >= progress.budget
+            def show(progress: SearchProgress) -> None:
+                done = progress.done >= progress.total
                 bar.update(
                     task,
                     completed=progress.done,
-                    total=progress.budget,
-                    method="verification" if done else progress.method,
+                    total=progress.total,
+                    method="verification" if done else progress.stage,
                     best=_best(progress),
                     simulated=progress.simulated_s,
                 )
@@ -58,18 +57,18 @@ def search_display(quiet: bool) -> Iterator[Callable[[Progress], None]]:
         yield _plain_lines(console)
 
 
-def _plain_lines(console: Console) -> Callable[[Progress], None]:
+def _plain_lines(console: Console) -> OnSearchProgress:
     began = time.monotonic()
     last, resumed = began - _PLAIN_EVERY_S, -1
 
-    def show(progress: Progress) -> None:
+    def show(progress: SearchProgress) -> None:
         nonlocal last, resumed
         now = time.monotonic()
         resumed = progress.done if resumed < 0 else resumed
-        if now - last >= _PLAIN_EVERY_S or progress.done >= progress.budget:
+        if now - last >= _PLAIN_EVERY_S or progress.done >= progress.total:
             last = now
             console.print(
-                f"{progress.done}/{progress.budget} gaits, {progress.method}, best {_best(progress)}, "
+                f"{progress.done}/{progress.total} gaits, {progress.stage}, best {_best(progress)}, "
                 f"{progress.simulated_s:.0f} s simulated{_time_left(progress, resumed, now - began)}",
                 highlight=False,
             )
@@ -77,13 +76,13 @@ def _plain_lines(console: Console) -> Callable[[Progress], None]:
     return show
 
 
-def _time_left(progress: Progress, resumed: int, spent_s: float) -> str:
+def _time_left(progress: SearchProgress, resumed: int, spent_s: float) -> str:
     """Return how long the rest of the search takes at the pace so far, in words; nothing at its ends."""
-    done, left = progress.done - resumed, progress.budget - progress.done
+    done, left = progress.done - resumed, progress.total - progress.done
     return f", about {spent_s * left / done:.0f} s left" if done > 0 and left > 0 else ""
 
 
-def _best(progress: Progress) -> str:
+def _best(progress: SearchProgress) -> str:
     if progress.best is None:
         return "-"
     return f"{1e3 * progress.best.evaluation.metrics['speed_m_s']:.1f} mm/s"
@@ -103,7 +102,7 @@ def steps_display(quiet: bool) -> Iterator[OnProgress]:
     else:
         said: set[str] = set()
 
-        def show(step: Step) -> None:
+        def show(step: Progress) -> None:
             if step.stage not in said:
                 said.add(step.stage)
                 console.print(f"{step.stage} …", highlight=False)

@@ -33,6 +33,7 @@ class Stream(IntEnum):
     BLIND_KINDS = 31
     EXPERIMENT_ROBOTS = 34
     CORRECTED_SEARCH = 40
+    SOLVER = 41  # with the name of a solver that has no stream of its own
 
 
 BLIND_FLOOR_SEED = 12345

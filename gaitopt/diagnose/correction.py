@@ -17,8 +17,9 @@ from gaitopt.diagnose.gap.align import Aligned, align
 from gaitopt.diagnose.gap.predict import predict
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator
-from gaitopt.optimise.solvers import cma_es
+from gaitopt.optimise.solvers.cma_es import CmaEs
 from gaitopt.optimise.solvers.solution import Box
+from gaitopt.optimise.solvers.solver import Minimisation
 from gaitopt.plan.plan import Planner, PlanSettings
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
@@ -182,8 +183,8 @@ def _tuned(
     points = np.array([space.encode(gait) for gait in starts])
     known = costs(points)
     start = points[known.argmin()]
-    rng = generator(settings.seed, Stream.CORRECTED_SEARCH)
-    found = cma_es.minimise(costs, Box(space.circular), start, settings.spread, settings.gaits, rng)
+    rng, box = generator(settings.seed, Stream.CORRECTED_SEARCH), Box(space.circular)
+    found = CmaEs().minimise(Minimisation(costs, box, start, settings.spread, settings.gaits, rng))
     return space.decode(found.x if found.cost < known.min() else start)
 
 

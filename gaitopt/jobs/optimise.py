@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from gaitopt.core.errors import GaitoptError, nearest
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.progress import silent
 from gaitopt.jobs.executor import check_executor, opened
 from gaitopt.jobs.inputs import checked_seed
 from gaitopt.jobs.outputs import Out, Stopped, out_folder
@@ -17,15 +18,13 @@ from gaitopt.optimise import run as search
 from gaitopt.optimise.journal import Journal, at_rung, ranked
 from gaitopt.optimise.run import DEFAULT_BUDGET, Optimised, Request
 from gaitopt.optimise.sensitivity import Sensitivity, sensitivities
-from gaitopt.optimise.study import METHODS, Progress
+from gaitopt.optimise.stages import DEFAULT_METHOD, method_of
+from gaitopt.optimise.study import OnSearchProgress
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.run_folder import RunFolder
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import check_searchable
-
-OnSearchProgress = Callable[[Progress], None]
-"""Called as each batch of gaits ends."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ def optimise(
     workers: int | None = None,
     out: Out = None,
     resume: Path | str | None = None,
-    on_progress: OnSearchProgress = lambda progress: None,
+    on_progress: OnSearchProgress = silent,
 ) -> OptimiseRun:
     """Search for the best gait of a problem and verify it beside the hand-tuned ones.
 
@@ -91,7 +90,7 @@ def optimise(
         problem: the problem; not needed with `resume`, which takes it from the folder.
         budget: gaits to evaluate; 600 by default.
         seed: seed of all randomness; 1 by default.
-        method: ``default``, ``cma-es`` or ``nelder-mead``.
+        method: ``default``, or a solver alone: ``cma-es`` or ``nelder-mead``.
         warm_start: whether to start from planned gaits, where the problem has a planar model; yes by
             default.
         pareto: whether to spend half of the budget on a front of speed against cost of transport.
@@ -150,12 +149,7 @@ def _request(budget: int | None, seed: int | None, method: str | None, warm: boo
     if budget < 1:
         raise GaitoptError(f"--budget: found {budget}; allowed: 1 or more")
     seed = checked_seed(1 if seed is None else seed)
-    method = method or "default"
-    if method not in METHODS:
-        raise GaitoptError(
-            f"--method: found {method!r}; allowed: {', '.join(METHODS)}{nearest(method, METHODS)}"
-        )
-    return Request(seed, budget, method, warm, pareto)
+    return Request(seed, budget, method_of(method or DEFAULT_METHOD.name).name, warm, pareto)
 
 
 def _search(work: _Work, journal: Path) -> tuple[Optimised, list[Sensitivity]]:

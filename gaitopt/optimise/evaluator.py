@@ -15,11 +15,11 @@ from gaitopt.simulation.objective import Evaluation, evaluate
 from gaitopt.simulation.setup import RobotSetup, prepared
 
 RACED_ON = 2.0 / 3.0
-"""Share of a population that is simulated in every scenario. Of the three best of twelve neighbours none
-is lost so, and with half of them one in eleven; see ``results/profile``."""
+"""Share of a population that is simulated in every scenario. So none of the three best of twelve neighbours
+is lost; with half of them, one in eleven is. See ``results/profile``."""
 
 DROPPED = "dropped"
-"""How the status of a gait begins that the race has dropped."""
+"""The status of a gait that the race has dropped begins so."""
 
 
 @dataclass(frozen=True)
@@ -59,20 +59,30 @@ def assess(setup: RobotSetup, gait: Gait, scenario: int) -> Outcome:
 
 @dataclass(frozen=True)
 class Evaluator:
-    """A setting and the executor that works on it.
+    """Judges gaits with one setup, on an executor.
 
     Attributes:
         setup: robot, scenarios and fidelity.
         executor: where the rollouts run.
         margin: share by which every limit is tightened (see `Objective.search_margin`).
+        raced_on: share of a population that `race` simulates in every scenario.
     """
 
     setup: RobotSetup
     executor: Executor
     margin: float = 0.0
+    raced_on: float = RACED_ON
 
     def outcomes(self, gaits: Sequence[Gait], scenarios: Sequence[int] | None = None) -> list[list[Outcome]]:
-        """Return the outcome of each gait in each scenario, or in some of them, in the order asked for."""
+        """Return the outcome of each gait in each scenario, in the order asked for.
+
+        Args:
+            gaits: the gaits.
+            scenarios: numbers of the scenarios; all by default.
+
+        Raises:
+            GaitoptError: the connection to the executor's workers was lost.
+        """
         scenarios = range(len(self.setup.scenarios)) if scenarios is None else scenarios
         submit = self.executor.submit
         try:
@@ -86,10 +96,10 @@ class Evaluator:
         return [Evaluated(judge(self.setup.problem, row, self.margin), row) for row in self.outcomes(gaits)]
 
     def race(self, gaits: Sequence[Gait]) -> list[Evaluated]:
-        """Return evaluation and outcomes of each gait; the worst in the first scenario see no other one.
+        """Return evaluation and outcomes of each gait; the worst in the first scenario are dropped after it.
 
-        `RACED_ON` of the gaits see them all. The others cost at least what the worst of these costs, and
-        their status says that they were dropped.
+        `raced_on` of the gaits are simulated in every scenario. Each other one costs at least as much as the
+        worst of these, and its status says that it was dropped.
         """
         count = len(self.setup.scenarios)
         if count == 1:
@@ -97,7 +107,7 @@ class Evaluator:
         problem, first = self.setup.problem, self.outcomes(gaits, [0])
         alone = [judge(problem, row, self.margin) for row in first]
         ranked = sorted(range(len(gaits)), key=lambda i: (alone[i].cost, i))
-        kept = sorted(ranked[: math.ceil(RACED_ON * len(gaits))])
+        kept = sorted(ranked[: math.ceil(self.raced_on * len(gaits))])
         rest = self.outcomes([gaits[i] for i in kept], range(1, count))
         rows = {i: first[i] + others for i, others in zip(kept, rest, strict=True)}
         judged = {i: judge(problem, row, self.margin) for i, row in rows.items()}
@@ -108,6 +118,11 @@ class Evaluator:
             else Evaluated(_dropped(alone[i], worst, count), first[i])
             for i in range(len(gaits))
         ]
+
+
+def simulated_s(judged: Sequence[Evaluated]) -> float:
+    """Return the simulated seconds of some gaits in all."""
+    return sum(outcome.simulated_s for one in judged for outcome in one.outcomes)
 
 
 def _dropped(evaluation: Evaluation, worst: float, count: int) -> Evaluation:

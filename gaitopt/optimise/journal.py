@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -24,9 +25,18 @@ WORKING = "working"
 
 @dataclass(frozen=True)
 class Entry:
-    """One evaluated gait: its number, who proposed it, where it lies, what it was worth, and where judged.
+    """One evaluated gait.
 
     Costs of different rungs are of different robots: only those of one rung may be compared.
+
+    Attributes:
+        index: number of the candidate.
+        method: who proposed it: a solver, ``plan``, ``quasi-random`` or ``pareto``.
+        point: its coordinates in the gait space, shape (d,).
+        gait: the gait.
+        evaluation: what it is worth.
+        simulated_s: simulated seconds that it took.
+        rung: the rung of the fidelity ladder that judged it.
     """
 
     index: int
@@ -51,9 +61,13 @@ def ranked(entries: Iterable[Entry]) -> list[Entry]:
 class Journal:
     """``evaluations.csv``: one row per gait in candidate order, floats that round-trip.
 
-    A journal that already has rows is replayed: the search asks the same candidates in the same
-    order, and those the journal knows are answered from it. A torn last line, as a killed process
-    leaves it, is dropped.
+    A torn last line, as a killed process leaves it, is dropped. A search that is opened on a journal with
+    rows goes on after them (see `replay`).
+
+    Attributes:
+        path: the file.
+        columns: names of its columns.
+        entries: the evaluations.
     """
 
     def __init__(self, path: Path, problem: Problem):
@@ -71,16 +85,16 @@ class Journal:
         ]
         self.entries: list[Entry] = []
         if not (path.exists() and self._read()):
-            self._write(",".join(self.columns) + "\n", os.O_CREAT | os.O_TRUNC)
+            self._write([self.columns], os.O_CREAT | os.O_TRUNC)
 
     def append(self, entries: Sequence[Entry]) -> None:
         """Add the entries of one batch and make sure that they are on the disk."""
-        self._write("".join(",".join(self._row(entry)) + "\n" for entry in entries), os.O_APPEND)
+        self._write([self._row(entry) for entry in entries], os.O_APPEND)
         self.entries.extend(entries)
 
     def _row(self, entry: Entry) -> list[str]:
         evaluation = entry.evaluation
-        cells = [str(entry.index), entry.method, repr(evaluation.cost), _quoted(evaluation.status)]
+        cells = [str(entry.index), entry.method, repr(evaluation.cost), evaluation.status.replace("\n", " ")]
         cells += [str(evaluation.constraints_met).lower(), repr(entry.simulated_s), entry.rung]
         cells += [repr(evaluation.metrics[name]) for name in self._metrics]
         cells += [repr(evaluation.violations.get(name, 0.0)) for name in self._constraints]
@@ -90,11 +104,13 @@ class Journal:
             cells += [repr(value) for value in channel.model_dump().values()]
         return cells
 
-    def _write(self, text: str, flags: int) -> None:
-        """Write to the disk; rows go to the file that is there, not to a new one if it was removed."""
+    def _write(self, rows: Sequence[Sequence[str]], flags: int) -> None:
+        """Write to the disk. Without ``O_CREAT``, rows never go to a new file if the journal was removed."""
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows(rows)
         try:
             with os.fdopen(os.open(self.path, os.O_WRONLY | flags, 0o644), "wb") as file:
-                file.write(text.encode())
+                file.write(text.getvalue().encode())
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
@@ -131,7 +147,7 @@ class Journal:
             raise GaitoptError(f"{self.path}: not UTF-8 text (byte {error.start})") from None
 
     def _cut(self, length: int) -> None:
-        """Drop a torn end, without a moment at which the rest is not on the disk."""
+        """Drop a torn end; the rest of the file is on the disk at every moment."""
         try:
             os.truncate(self.path, length)
         except OSError as error:
@@ -143,7 +159,7 @@ class Journal:
         evaluation = Evaluation(float(row["cost"]), metrics, violations, row["status"])
         point = np.array([float(row[f"x.{name}"]) for name in self._variables])
         if not np.isfinite(point).all():
-            raise ValueError("a coordinate that is no number")
+            raise ValueError("a coordinate that is not a number")
         gait, simulated_s = self._space.decode(point), float(row["simulated_s"])
         return Entry(int(row["evaluation"]), row["method"], point, gait, evaluation, simulated_s, row["rung"])
 
@@ -152,7 +168,3 @@ def gait_columns(problem: Problem) -> list[str]:
     """Return the names of a gait's numbers, channel by channel."""
     keys = ("duty", "phase", "amplitude_deg", "offset_deg", "smoothing")
     return [f"{name}.{key}" for name in problem.channel_names for key in keys]
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace('"', '""').replace("\n", " ") + '"' if set(text) & set(',"\n') else text

@@ -1,8 +1,8 @@
 """The fidelity ladder: judge gaits on a cheaper rung, where it ranks them as the working fidelity does.
 
-What a search has to rank are neighbours of its best gait, and how well a rung does that differs from robot
-to robot and from gait to gait. So it is measured in each search, on gaits that it has just judged at the
-working fidelity, and a rung that ranks them otherwise is refused. ``results/profile`` has what that is worth.
+A search has to rank neighbours of its best gait. How well a rung ranks them differs from robot to robot and
+from gait to gait. So each search measures it, on gaits that it has just judged at the working fidelity, and
+refuses a rung that ranks them differently. ``results/profile`` has what this gains.
 """
 
 from __future__ import annotations
@@ -15,15 +15,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator
+from gaitopt.optimise.evaluator import Evaluator, simulated_s
 from gaitopt.simulation.setup import RobotSetup
-
-TRUSTED = 0.9
-"""Rank correlation from which a rung is used. Another start pose, which is chance, ranks ArcFold's gaits at
-0.97 and the strider's at 0.4; see ``results/profile``."""
-
-FACTOR = 2.0
-"""How much longer a step, how much shorter a horizon is one rung down."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +26,8 @@ class Rung:
     Attributes:
         name: what is coarser than one rung up.
         timestep_s: its timestep, s.
-        measured_s: how long it measures at least, s.
-        rank_correlation: Spearman's, of its costs and those of the working fidelity; 0 where all are alike.
+        measured_s: shortest time over which it measures, s.
+        rank_correlation: Spearman's, of its costs and those of the working fidelity; 0 where all are equal.
         used: whether the search went on with it.
         simulated_s: simulated seconds that this took.
     """
@@ -47,50 +40,95 @@ class Rung:
     simulated_s: float
 
 
-def descended(
-    evaluator: Evaluator, gaits: Sequence[Gait], costs: NDArray[np.float64]
-) -> tuple[Evaluator, list[Rung]]:
-    """Return the evaluator of the lowest rung that ranks as it should, and every rung that was measured.
+@dataclass(frozen=True)
+class Step:
+    """A step down the ladder.
 
-    First a longer timestep is tried, then, wherever that has led, a shorter horizon.
+    Attributes:
+        name: what it makes coarser.
+        lower: returns a setup that is coarser by a factor.
+    """
+
+    name: str
+    lower: Callable[[RobotSetup, float], RobotSetup]
+
+
+def coarser(setup: RobotSetup, factor: float) -> RobotSetup:
+    """Return a setup whose timestep is longer by a factor."""
+    step = {"timestep_s": factor * setup.fidelity.timestep_s}
+    return RobotSetup.of(setup.problem, setup.scenarios, setup.fidelity.model_copy(update=step))
+
+
+def shorter(setup: RobotSetup, factor: float) -> RobotSetup:
+    """Return a setup whose horizon is shorter by a factor, with at least the problem's whole cycles."""
+    horizon = setup.problem.simulation.horizon
+    times = {"transient_s": horizon.transient_s / factor, "measured_s": horizon.measured_s / factor}
+    problem = setup.problem.with_horizon(horizon.model_copy(update=times))
+    return RobotSetup.of(problem, setup.scenarios, setup.fidelity)
+
+
+@dataclass(frozen=True)
+class LadderSettings:
+    """When a cheaper rung may judge gaits.
+
+    Attributes:
+        from_gaits: budget of a stage from which cheaper rungs are measured. That costs at most as much as
+            15 gaits.
+        trusted: rank correlation from which a rung is used. Another start pose, which is chance, ranks
+            ArcFold's gaits at 0.97 and the strider's at 0.4; see ``results/profile``.
+        factor: how much longer the timestep and how much shorter the horizon is one rung down.
+        climbers: best gaits of a lower rung that are evaluated again at the working fidelity.
+        steps: the steps down, in the order in which they are tried.
+    """
+
+    from_gaits: int = 300
+    trusted: float = 0.9
+    factor: float = 2.0
+    climbers: int = 5
+    steps: tuple[Step, ...] = (Step("longer timestep", coarser), Step("shorter horizon", shorter))
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Where the ladder led.
+
+    Attributes:
+        evaluator: the evaluator of the lowest rung that may be used.
+        rungs: every rung that was measured.
+    """
+
+    evaluator: Evaluator
+    rungs: list[Rung]
+
+
+def descend(
+    evaluator: Evaluator,
+    gaits: Sequence[Gait],
+    costs: NDArray[np.float64],
+    settings: LadderSettings = LadderSettings(),
+) -> Descent:
+    """Measure cheaper rungs, and return the lowest one that ranks gaits as the working fidelity does.
+
+    Each step starts from the last rung that may be used.
 
     Args:
         evaluator: the working fidelity.
         gaits: neighbours of the best gait.
         costs: their costs at the working fidelity, in every scenario, shape (n,).
+        settings: when a rung may be used.
     """
     rungs = []
-    for name, lower in _STEPS.items():
-        candidate = replace(evaluator, setup=lower(evaluator.setup))
+    for step in settings.steps:
+        candidate = replace(evaluator, setup=step.lower(evaluator.setup, settings.factor))
         judged = candidate(gaits)
         correlation = _spearman(costs, np.array([one.evaluation.cost for one in judged]))
-        used = correlation >= TRUSTED
-        spent = sum(outcome.simulated_s for one in judged for outcome in one.outcomes)
-        setting = candidate.setup
-        measured_s = setting.problem.simulation.horizon.measured_s
-        rungs.append(Rung(name, setting.fidelity.timestep_s, measured_s, correlation, used, spent))
+        used = correlation >= settings.trusted
+        setup = candidate.setup
+        measured_s = setup.problem.simulation.horizon.measured_s
+        spent = simulated_s(judged)
+        rungs.append(Rung(step.name, setup.fidelity.timestep_s, measured_s, correlation, used, spent))
         evaluator = candidate if used else evaluator
-    return evaluator, rungs
-
-
-def coarser(setting: RobotSetup) -> RobotSetup:
-    """Return a setting with a longer timestep."""
-    step = {"timestep_s": FACTOR * setting.fidelity.timestep_s}
-    return RobotSetup.of(setting.problem, setting.scenarios, setting.fidelity.model_copy(update=step))
-
-
-def shorter(setting: RobotSetup) -> RobotSetup:
-    """Return a setting with a shorter horizon, of as many whole cycles as the problem asks for at least."""
-    horizon = setting.problem.simulation.horizon
-    times = {"transient_s": horizon.transient_s / FACTOR, "measured_s": horizon.measured_s / FACTOR}
-    problem = setting.problem.with_horizon(horizon.model_copy(update=times))
-    return RobotSetup.of(problem, setting.scenarios, setting.fidelity)
-
-
-_STEPS: dict[str, Callable[[RobotSetup], RobotSetup]] = {
-    "longer timestep": coarser,
-    "shorter horizon": shorter,
-}
+    return Descent(evaluator, rungs)
 
 
 def _spearman(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:

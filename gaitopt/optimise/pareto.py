@@ -12,24 +12,41 @@ from gaitopt.optimise.journal import Entry
 from gaitopt.optimise.verification import Verified
 from gaitopt.simulation.metrics import SPEED
 
-SHARE = 0.5
-"""Share of the budget that goes to the front; the rest looks for the best gait first, as without a front."""
-
-LEVELS = 3
-"""Limits of the cost of transport under which the fastest gait is looked for."""
-
-SHOWN = 6
-"""Gaits of the front that are verified."""
-
 _OUT_OF_REACH = 1e3
-"""A gait that violates a limit is worse than any that does not, by how much it does."""
+"""Value of a gait that violates a limit, before the size of the violation is added: worse than any that
+keeps every limit."""
 
 Aim = Callable[[Entry], float]
+"""What a search of the front minimises."""
+
+
+@dataclass(frozen=True)
+class FrontSettings:
+    """How the front is searched.
+
+    Attributes:
+        share: share of the budget that goes to the front. The rest searches for the best gait first, as
+            without a front.
+        levels: limits of the cost of transport under which the fastest gait is searched for.
+        shown: gaits of the front that are verified, at most.
+        spread: length of the first steps, from the best known gait, in units of the box.
+    """
+
+    share: float = 0.5
+    levels: int = 3
+    shown: int = 6
+    spread: float = 0.1
 
 
 @dataclass(frozen=True)
 class FrontGait:
-    """A gait of the front: as the search saw it and as verified, and whether it is on the front then."""
+    """A gait of the front.
+
+    Attributes:
+        entry: the gait as the search saw it.
+        verified: the gait as verified.
+        efficient: whether it is still on the front when verified.
+    """
 
     entry: Entry
     verified: Verified
@@ -61,26 +78,29 @@ def fastest_within(limit: float) -> Aim:
     return aim
 
 
-def limits(entries: Sequence[Entry]) -> list[float]:
-    """Return limits of the cost of transport, spread between the cheapest and the fastest gait."""
+def limits(entries: Sequence[Entry], levels: int = FrontSettings.levels) -> list[float]:
+    """Return limits of the cost of transport between those of the cheapest and of the fastest gait.
+
+    Each is larger than the one before by the same ratio. Fewer than two gaits on the front give none.
+    """
     front = front_of(entries)
     if len(front) < 2:
         return []
     ratio = transport(front[-1]) / transport(front[0])
-    return [transport(front[0]) * ratio ** ((i + 1) / (LEVELS + 1)) for i in range(LEVELS)]
+    return [transport(front[0]) * ratio ** ((i + 1) / (levels + 1)) for i in range(levels)]
 
 
 def front_of(entries: Sequence[Entry]) -> list[Entry]:
-    """Return the gaits that keep every limit and that no other such gait beats in both, slowest first."""
+    """Return the gaits that keep every limit and that no other such gait beats, slowest first."""
     able = [e for e in entries if e.evaluation.constraints_met and speed(e) > 0.0 and transport(e) < math.inf]
     kept = efficient([speed(e) for e in able], [transport(e) for e in able])
     return sorted((e for e, keep in zip(able, kept, strict=True) if keep), key=speed)
 
 
 def efficient(speeds: Sequence[float], costs: Sequence[float]) -> list[bool]:
-    """Return which of some gaits no other one beats: none is as fast and as cheap, and better in one.
+    """Return which gaits no other gait beats, that is, is as fast and as cheap and better in one of both.
 
-    Of equals the first counts.
+    Of equal gaits the first counts.
     """
     order = sorted(range(len(speeds)), key=lambda i: (-speeds[i], costs[i], i))
     kept, lowest = [False] * len(speeds), math.inf
@@ -90,7 +110,7 @@ def efficient(speeds: Sequence[float], costs: Sequence[float]) -> list[bool]:
     return kept
 
 
-def thinned(front: Sequence[Entry], count: int = SHOWN) -> list[Entry]:
+def thinned(front: Sequence[Entry], count: int = FrontSettings.shown) -> list[Entry]:
     """Return at most `count` gaits, spread evenly along the front, its ends among them."""
     if len(front) <= count:
         return list(front)
@@ -104,7 +124,7 @@ def thinned(front: Sequence[Entry], count: int = SHOWN) -> list[Entry]:
 
 
 def verified_front(entries: Sequence[Entry], verified: Sequence[Verified]) -> list[FrontGait]:
-    """Return gaits of the front with what they are worth where the search has never been."""
+    """Return gaits of the front as the search saw them and as verified in scenarios that it never saw."""
     met = [v.evaluation.constraints_met for v in verified]
     costs = [v.evaluation.metrics["cost_of_transport"] for v in verified]
     able = [i for i, ok in enumerate(met) if ok and math.isfinite(costs[i])]
@@ -115,7 +135,7 @@ def verified_front(entries: Sequence[Entry], verified: Sequence[Verified]) -> li
 
 
 def _within(entry: Entry, value: float, excess: float = 0.0) -> float:
-    """Return `value` of a gait that keeps every limit, else by how much it does not."""
+    """Return `value` of a gait that keeps every limit, else how far it is from that."""
     if entry.evaluation.status != "ok":
         return 1e3 * _OUT_OF_REACH
     beyond = sum(entry.evaluation.violations.values()) + excess

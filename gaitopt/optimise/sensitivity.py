@@ -46,11 +46,6 @@ class Sensitivity:
     slope: float
     noise: float
 
-    @property
-    def more_than_noise(self) -> bool:
-        """Whether the slope differs from 0 by more than its noise."""
-        return abs(self.slope) > self.noise
-
 
 def sensitivities(problem: Problem, gait: Gait, seed: int, executor: Executor) -> list[Sensitivity]:
     """Return the sensitivity to each number of the gait and of the model that it has an effect on.

@@ -9,7 +9,7 @@ from pathlib import Path
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
 from gaitopt.core.quantities import figure
-from gaitopt.optimise.ladder import TRUSTED, Rung
+from gaitopt.optimise.ladder import LadderSettings, Rung
 from gaitopt.optimise.run import Optimised
 from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, Sensitivity
 from gaitopt.problem.problem import Problem
@@ -221,7 +221,7 @@ def _ladder_text(rungs: Sequence[Rung]) -> str:
     for rung in rungs:
         ranks = f"rank correlation {rung.rank_correlation:.3f}"
         lower = f"{figure(rung.timestep_s)} s steps, {figure(rung.measured_s)} s measured"
-        fate = "used" if rung.used else f"refused: below {TRUSTED}"
+        fate = "used" if rung.used else f"refused: below {LadderSettings.trusted}"
         texts.append(f"{rung.name} ({lower}): {ranks}, {fate}")
     return "; ".join(texts) or "none measured; every gait was simulated at the working fidelity"
 

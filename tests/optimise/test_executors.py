@@ -23,7 +23,7 @@ from gaitopt.core.versions import versions_text
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator, Outcome, assess
 from gaitopt.optimise.executors import ProcessExecutor, SerialExecutor, open_executor
-from gaitopt.optimise.study import quasi_random
+from gaitopt.optimise.quasi_random import quasi_random
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.setup import RobotSetup

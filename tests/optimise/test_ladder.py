@@ -11,11 +11,16 @@ from helpers import STRIDER
 
 from gaitopt.cli import app as cli
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise import ladder, study
-from gaitopt.optimise.evaluator import Evaluator, Outcome
+from gaitopt.optimise import ladder
+from gaitopt.optimise import settings as search_settings
+from gaitopt.optimise.evaluator import Evaluated, Evaluator, Outcome
 from gaitopt.optimise.executors import SerialExecutor, open_executor
 from gaitopt.optimise.journal import WORKING, Journal, at_rung
+from gaitopt.optimise.ladder import LadderSettings
+from gaitopt.optimise.quasi_random import quasi_random
 from gaitopt.optimise.run import Optimised, Request, optimise
+from gaitopt.optimise.settings import SearchSettings
+from gaitopt.optimise.study import LOWER, Study, StudySettings
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import Evaluation
@@ -32,15 +37,16 @@ class Known(Evaluator):
     longer: int = 1
     shorter: int = 1
 
-    def __call__(self, gaits: Sequence[Gait]) -> list[tuple[Evaluation, list[Outcome]]]:
-        problem = self.setting.problem
-        sign = self.longer if self.setting.fidelity != problem.simulation.working else 1
+    def __call__(self, gaits: Sequence[Gait]) -> list[Evaluated]:
+        problem = self.setup.problem
+        sign = self.longer if self.setup.fidelity != problem.simulation.working else 1
         sign *= self.shorter if problem.simulation.horizon.measured_s < 0.6 else 1
-        return [(Evaluation(sign * g.period_s, {}, {}, "ok"), [Outcome({}, "ok", 2.0)]) for g in gaits]
+        outcomes = [Outcome({}, "ok", 2.0)]
+        return [Evaluated(Evaluation(sign * g.period_s, {}, {}, "ok"), outcomes) for g in gaits]
 
 
 def gaits_of(problem: Problem) -> list[Gait]:
-    return [problem.space.decode(point) for point in study.quasi_random(problem.space, 8, 1)]
+    return [problem.space.decode(point) for point in quasi_random(problem.space, 8, 1)]
 
 
 def setting_of(problem: Problem) -> RobotSetup:
@@ -62,12 +68,13 @@ def test_the_search_descends_as_far_as_ranks_hold(
 ) -> None:
     evaluator = Known(setting_of(strider), SerialExecutor(), longer=longer, shorter=shorter)
     gaits = gaits_of(strider)
-    lowest, rungs = ladder.descended(evaluator, gaits, np.array([gait.period_s for gait in gaits]))
+    descent = ladder.descend(evaluator, gaits, np.array([gait.period_s for gait in gaits]))
+    lowest, rungs = descent.evaluator, descent.rungs
     assert [rung.used for rung in rungs] == used
     assert [rung.name for rung in rungs] == ["longer timestep", "shorter horizon"]
     assert all(rung.simulated_s == 16.0 for rung in rungs)
     assert rungs[0].rank_correlation == pytest.approx(longer)
-    setting = lowest.setting
+    setting = lowest.setup
     assert setting.fidelity.timestep_s == timestep_s
     assert setting.problem.simulation.horizon.measured_s == measured_s
     assert (lowest is evaluator) == (not any(used))
@@ -76,32 +83,38 @@ def test_the_search_descends_as_far_as_ranks_hold(
 
 def test_a_rung_is_half_as_dear_and_all_else_the_same(strider: Problem) -> None:
     setting = setting_of(strider)
-    lower = ladder.shorter(ladder.coarser(setting))
+    lower = ladder.shorter(ladder.coarser(setting, 2.0), 2.0)
     assert lower.fidelity.integrator == setting.fidelity.integrator
     horizon = lower.problem.simulation.horizon
     assert (horizon.transient_s, horizon.measured_s) == (0.15, 0.3)
     assert (horizon.transient_cycles, horizon.measured_cycles) == (1, 1)
     assert lower.problem.baselines == setting.problem.baselines
     assert lower.problem.objective == setting.problem.objective
-    assert len({setting.key, lower.key, ladder.coarser(setting).key, ladder.shorter(setting).key}) == 4
+    assert (
+        len({setting.key, lower.key, ladder.coarser(setting, 2.0).key, ladder.shorter(setting, 2.0).key}) == 4
+    )
 
 
 # --- in a search ------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def trusting(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Use every rung, whatever it is worth, in small searches, too."""
-    monkeypatch.setattr(ladder, "TRUSTED", -1.0)
-    monkeypatch.setattr(study, "_LADDER_FROM", 20)
+def laddered(trusted: float) -> SearchSettings:
+    """Settings with which small searches measure rungs, too."""
+    return SearchSettings(study=StudySettings(ladder=LadderSettings(from_gaits=20, trusted=trusted)))
 
 
-def searched(problem: Problem, path: Path, workers: int = 1) -> Optimised:
+TRUSTING = laddered(trusted=-1.0)
+"""Use every rung, whatever it is worth."""
+
+
+def searched(
+    problem: Problem, path: Path, workers: int = 1, settings: SearchSettings = TRUSTING
+) -> Optimised:
     with open_executor("threads", workers) as executor:
-        return optimise(problem, Request(seed=2, budget=BUDGET), Journal(path, problem), executor)
+        request = Request(seed=2, budget=BUDGET)
+        return optimise(problem, request, Journal(path, problem), executor, settings=settings)
 
 
-@pytest.mark.usefixtures("trusting")
 def test_what_leads_on_a_lower_rung_is_judged_again(strider: Problem, tmp_path: Path) -> None:
     optimised = searched(strider, tmp_path / "evaluations.csv")
     entries = optimised.entries
@@ -110,10 +123,10 @@ def test_what_leads_on_a_lower_rung_is_judged_again(strider: Problem, tmp_path: 
     assert runs == [
         ("quasi-random", WORKING),
         ("cma-es", WORKING),
-        ("cma-es", study.LOWER),
+        ("cma-es", LOWER),
         ("nelder-mead", WORKING),
     ]
-    lower = at_rung(entries, study.LOWER)
+    lower = at_rung(entries, LOWER)
     again = [e for e in at_rung(entries) if e.index > lower[-1].index and e.method == "cma-es"]
     leaders = sorted(lower, key=lambda e: (e.evaluation.cost, e.index))[:5]
     assert [e.point.tolist() for e in again] == [e.point.tolist() for e in leaders]
@@ -127,26 +140,24 @@ def test_what_leads_on_a_lower_rung_is_judged_again(strider: Problem, tmp_path: 
     ]
 
 
-@pytest.mark.usefixtures("trusting")
 def test_only_gaits_of_the_working_fidelity_can_win(strider: Problem, tmp_path: Path) -> None:
     """Though a lower rung flatters all of its gaits."""
     path = tmp_path / "evaluations.csv"
     searched(strider, path)
     lines = list(csv.DictReader(path.read_text().splitlines()))
     for row in lines:
-        if row["rung"] == study.LOWER:
+        if row["rung"] == LOWER:
             row["cost"] = repr(float(row["cost"]) - 1.0)
     with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, lines[0], lineterminator="\n")
         writer.writeheader()
         writer.writerows(lines)
     evaluator = Evaluator(setting_of(strider), SerialExecutor())
-    resumed = study.Study(evaluator, Journal(path, strider), BUDGET, 2)
+    resumed = Study(evaluator, Journal(path, strider), BUDGET, 2)
     resumed.entries = list(resumed.journal.entries)
     assert resumed.best.rung == WORKING
 
 
-@pytest.mark.usefixtures("trusting")
 @pytest.mark.parametrize("rows", [3, 6, 11, 20, 29, 46, 51, 55])
 def test_a_laddered_search_is_resumed_to_the_same_bits(strider: Problem, tmp_path: Path, rows: int) -> None:
     whole, path = tmp_path / "whole.csv", tmp_path / "evaluations.csv"
@@ -157,31 +168,26 @@ def test_a_laddered_search_is_resumed_to_the_same_bits(strider: Problem, tmp_pat
     assert expected | {"wall_s": 0.0} == found | {"wall_s": 0.0}
 
 
-def test_a_refused_ladder_changes_nothing_but_what_is_said(
-    strider: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refused_ladder_changes_nothing_but_what_is_said(strider: Problem, tmp_path: Path) -> None:
     """Over one scenario: over several, the first population does not race."""
     one, other = tmp_path / "one.csv", tmp_path / "other.csv"
-    assert searched(strider, one).rungs == []
-    monkeypatch.setattr(study, "_LADDER_FROM", 20)
-    monkeypatch.setattr(ladder, "TRUSTED", 1.1)
-    rungs = searched(strider, other).rungs
+    assert searched(strider, one, settings=SearchSettings()).rungs == []
+    rungs = searched(strider, other, settings=laddered(trusted=1.1)).rungs
     assert [rung.used for rung in rungs] == [False, False]
     assert rungs[1].timestep_s == strider.simulation.working.timestep_s
     assert one.read_text() == other.read_text()
 
 
-@pytest.mark.usefixtures("trusting")
 def test_a_front_is_made_of_gaits_of_one_rung(strider: Problem, tmp_path: Path) -> None:
     request = Request(seed=2, budget=2 * BUDGET, pareto=True)
     path = tmp_path / "evaluations.csv"
-    optimised = optimise(strider, request, Journal(path, strider), SerialExecutor())
+    optimised = optimise(strider, request, Journal(path, strider), SerialExecutor(), settings=TRUSTING)
     assert {entry.rung for entry in optimised.entries} == {WORKING}
     assert optimised.rungs == []
 
 
-@pytest.mark.usefixtures("trusting")
-def test_the_report_says_how_low_the_search_went(tmp_path: Path) -> None:
+def test_the_report_says_how_low_the_search_went(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search_settings, "DEFAULT", TRUSTING)
     folder = tmp_path / "run"
     arguments = ["--budget", str(BUDGET), "--seed", "2", "--out", str(folder), "--quiet"]
     assert cli.main(["optimise", str(STRIDER), *arguments]) == 0

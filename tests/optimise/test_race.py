@@ -13,8 +13,9 @@ from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import DROPPED, RACED_ON, Evaluator
 from gaitopt.optimise.executors import SerialExecutor, open_executor
 from gaitopt.optimise.journal import Journal
-from gaitopt.optimise.run import _failure_notes
-from gaitopt.optimise.study import Study, quasi_random
+from gaitopt.optimise.notes import failure_notes
+from gaitopt.optimise.quasi_random import quasi_random
+from gaitopt.optimise.study import Study
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.objective import FAILED_COST
@@ -83,7 +84,7 @@ def test_a_gait_that_fails_keeps_its_reason(varied: Problem) -> None:
 def searched(problem: Problem, path: Path, workers: int = 1) -> str:
     """The journal of a search, resumed where `path` holds one."""
     with open_executor("threads", workers) as executor:
-        Study(Evaluator(setting(problem), executor), Journal(path, problem), BUDGET, 1).run("default")
+        Study(Evaluator(setting(problem), executor), Journal(path, problem), BUDGET, 1).run()
     return path.read_text()
 
 
@@ -109,9 +110,9 @@ def test_to_be_dropped_is_not_to_fail(varied: Problem, whole: str, tmp_path: Pat
     path.write_text(whole)
     entries = Journal(path, varied).entries
     assert any(entry.evaluation.status.startswith(DROPPED) for entry in entries)
-    assert _failure_notes(entries, [], []) == ()
+    assert failure_notes(entries) == ()
     stuck = [replace(entry, evaluation=replace(entry.evaluation, status="stuck")) for entry in entries[:2]]
-    assert _failure_notes([*entries[2:], *stuck], [], []) == (
+    assert failure_notes([*entries[2:], *stuck]) == (
         f"2 of {len(entries)} gaits failed in simulation: stuck (2)",
     )
 

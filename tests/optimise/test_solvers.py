@@ -1,7 +1,6 @@
-"""Every optimiser on functions with known minima, and on a robot whose optimum a grid confirms."""
+"""Every solver on functions with known minima, and on a robot whose optimum a grid confirms."""
 
 from collections.abc import Callable
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -9,8 +8,11 @@ from numpy.typing import NDArray
 
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.executors import open_executor
-from gaitopt.optimise.solvers import cma_es, nelder_mead
-from gaitopt.optimise.solvers.solution import Box, Stop
+from gaitopt.optimise.solvers.cma_es import CmaEs
+from gaitopt.optimise.solvers.nelder_mead import NelderMead
+from gaitopt.optimise.solvers.registry import SOLVERS
+from gaitopt.optimise.solvers.solution import Box, Solution, Stop
+from gaitopt.optimise.solvers.solver import Minimisation, Solver
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import ChannelBounds, ProblemFile
 from gaitopt.problem.robot import Robot
@@ -24,7 +26,7 @@ DIMENSION = 5
 CENTRE = np.array([0.3, 0.6, 0.45, 0.7, 0.55])
 """Where the minima lie in the unit box."""
 
-OPTIMISERS = [cma_es, nelder_mead]
+CMA_ES, NELDER_MEAD = CmaEs(), NelderMead()
 
 
 def scaled(x: Points) -> Points:
@@ -72,55 +74,63 @@ def box(circular: tuple[int, ...] = (), dimension: int = DIMENSION) -> Box:
     return Box(np.isin(np.arange(dimension), circular))
 
 
+def minimise(
+    solver: Solver, function: Function, bounds: Box, x0: Points, spread: float, budget: int,
+    draws: np.random.Generator,
+) -> Solution:  # fmt: skip
+    """Let a solver minimise a function."""
+    return solver.minimise(Minimisation(function, bounds, x0, spread, budget, draws))
+
+
 def rng(seed: int = 1) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
 @pytest.mark.parametrize(
-    ("optimiser", "function", "budget", "precision"),
+    ("solver", "function", "budget", "precision"),
     [
-        (cma_es, sphere, 1500, 1e-5),
-        (cma_es, ellipsoid, 4000, 1e-4),
-        (cma_es, rosenbrock, 6000, 1e-3),
-        (cma_es, rastrigin, 30000, 1e-3),
-        (nelder_mead, sphere, 1500, 1e-3),
-        (nelder_mead, ellipsoid, 3000, 1e-3),
-        (nelder_mead, rosenbrock, 5000, 1e-3),
+        (CMA_ES, sphere, 1500, 1e-5),
+        (CMA_ES, ellipsoid, 4000, 1e-4),
+        (CMA_ES, rosenbrock, 6000, 1e-3),
+        (CMA_ES, rastrigin, 30000, 1e-3),
+        (NELDER_MEAD, sphere, 1500, 1e-3),
+        (NELDER_MEAD, ellipsoid, 3000, 1e-3),
+        (NELDER_MEAD, rosenbrock, 5000, 1e-3),
     ],
 )
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_known_minimum_is_found(
-    optimiser: ModuleType, function: Function, budget: int, precision: float, seed: int
+    solver: Solver, function: Function, budget: int, precision: float, seed: int
 ) -> None:
     start = np.full(DIMENSION, 0.5)
-    solution = optimiser.minimise(function, box(), start, 0.2, budget, rng(seed))
+    solution = minimise(solver, function, box(), start, 0.2, budget, rng(seed))
     assert solution.x == pytest.approx(CENTRE, abs=precision)
     assert solution.cost == pytest.approx(0.0, abs=1e-2)
     assert solution.cost == function(solution.x[None])[0]
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS)
-def test_a_minimum_on_the_wall_is_found_and_no_wall_is_crossed(optimiser: ModuleType) -> None:
+@pytest.mark.parametrize("solver", SOLVERS.values())
+def test_a_minimum_on_the_wall_is_found_and_no_wall_is_crossed(solver: Solver) -> None:
     """The sphere's centre lies outside the box in two coordinates."""
     beyond = np.array([-0.2, 0.4, 1.3, 0.5, 0.6])
     function = Counted(lambda x: ((x - beyond) ** 2).sum(axis=1))
-    solution = optimiser.minimise(function, box(), np.full(DIMENSION, 0.5), 0.2, 2000, rng())
+    solution = minimise(solver, function, box(), np.full(DIMENSION, 0.5), 0.2, 2000, rng())
     assert solution.x == pytest.approx(beyond.clip(0.0, 1.0), abs=2e-3)
     asked = np.array(function.asked)
     assert asked.min() >= 0.0
     assert asked.max() <= 1.0
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS)
+@pytest.mark.parametrize("solver", SOLVERS.values())
 @pytest.mark.parametrize(("start", "phase"), [(0.95, 0.02), (0.05, 0.98)])
 def test_an_optimum_at_the_wrap_is_reached_from_the_other_side(
-    optimiser: ModuleType, start: float, phase: float
+    solver: Solver, start: float, phase: float
 ) -> None:
     """A circular coordinate has no wall at 0 = 1: the way there is the short one."""
     function = Counted(
         lambda x: (x[:, 0] - 0.4) ** 2 + (1.0 - np.cos(2.0 * np.pi * (x[:, 1] - phase))) / 20.0
     )
-    solution = optimiser.minimise(function, box((1,), 2), np.array([0.5, start]), 0.1, 600, rng())
+    solution = minimise(solver, function, box((1,), 2), np.array([0.5, start]), 0.1, 600, rng())
     assert solution.x[0] == pytest.approx(0.4, abs=1e-3)
     assert abs((solution.x[1] - phase + 0.5) % 1.0 - 0.5) < 1e-3
     assert abs(solution.x[1] - start) < 0.5
@@ -128,11 +138,11 @@ def test_an_optimum_at_the_wrap_is_reached_from_the_other_side(
     assert asked.min() < 0.0 or asked.max() > 1.0
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS)
+@pytest.mark.parametrize("solver", SOLVERS.values())
 @pytest.mark.parametrize("budget", [1, 2, 3, 7, 50, 101])
-def test_the_budget_is_never_exceeded(optimiser: ModuleType, budget: int) -> None:
+def test_the_budget_is_never_exceeded(solver: Solver, budget: int) -> None:
     function = Counted(rosenbrock)
-    solution = optimiser.minimise(function, box(), np.full(DIMENSION, 0.5), 0.2, budget, rng())
+    solution = minimise(solver, function, box(), np.full(DIMENSION, 0.5), 0.2, budget, rng())
     assert len(function.asked) == solution.evaluations == budget
     assert solution.stop is Stop.BUDGET
     costs = rosenbrock(np.array(function.asked))
@@ -142,47 +152,47 @@ def test_the_budget_is_never_exceeded(optimiser: ModuleType, budget: int) -> Non
 
 def test_cma_es_spends_its_budget_in_restarts() -> None:
     function = Counted(rastrigin)
-    solution = cma_es.minimise(function, box(), np.full(DIMENSION, 0.5), 0.2, 3000, rng())
+    solution = minimise(CMA_ES, function, box(), np.full(DIMENSION, 0.5), 0.2, 3000, rng())
     assert len(function.asked) == 3000
     assert solution.stop is Stop.BUDGET
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS)
-def test_an_optimiser_that_has_converged_stops(optimiser: ModuleType) -> None:
+@pytest.mark.parametrize("solver", SOLVERS.values())
+def test_a_solver_that_has_converged_stops(solver: Solver) -> None:
     function = Counted(sphere)
-    options = {"restarts": 0} if optimiser is cma_es else {}
+    once = CmaEs(restarts=0) if solver == CMA_ES else solver
     start = np.full(DIMENSION, 0.5)
-    solution = optimiser.minimise(function, box(), start, 0.2, 100_000, rng(), **options)
+    solution = minimise(once, function, box(), start, 0.2, 100_000, rng())
     assert solution.stop is Stop.CONVERGED
     assert solution.evaluations == len(function.asked) < 10_000
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS)
-def test_the_same_seed_gives_the_same_bits(optimiser: ModuleType) -> None:
+@pytest.mark.parametrize("solver", SOLVERS.values())
+def test_the_same_seed_gives_the_same_bits(solver: Solver) -> None:
     def asked(seed: int) -> Points:
         function = Counted(rastrigin)
-        optimiser.minimise(function, box((2,)), np.full(DIMENSION, 0.4), 0.2, 200, rng(seed))
+        minimise(solver, function, box((2,)), np.full(DIMENSION, 0.4), 0.2, 200, rng(seed))
         return np.array(function.asked)
 
     assert np.array_equal(asked(5), asked(5))
     assert not np.array_equal(asked(5), asked(6))
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS)
-def test_global_random_state_is_neither_used_nor_touched(optimiser: ModuleType) -> None:
+@pytest.mark.parametrize("solver", SOLVERS.values())
+def test_global_random_state_is_neither_used_nor_touched(solver: Solver) -> None:
     np.random.seed(0)  # noqa: NPY002
     before = np.random.get_state()[1].tolist()  # noqa: NPY002
-    first = optimiser.minimise(sphere, box(), np.full(DIMENSION, 0.4), 0.2, 60, rng(3))
+    first = minimise(solver, sphere, box(), np.full(DIMENSION, 0.4), 0.2, 60, rng(3))
     assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
     np.random.seed(99)  # noqa: NPY002
-    again = optimiser.minimise(sphere, box(), np.full(DIMENSION, 0.4), 0.2, 60, rng(3))
+    again = minimise(solver, sphere, box(), np.full(DIMENSION, 0.4), 0.2, 60, rng(3))
     assert np.array_equal(first.x, again.x)
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS)
+@pytest.mark.parametrize("solver", SOLVERS.values())
 @pytest.mark.parametrize("corner", [0.0, 1.0])
-def test_a_start_in_a_corner_is_a_start(optimiser: ModuleType, corner: float) -> None:
-    solution = optimiser.minimise(sphere, box(), np.full(DIMENSION, corner), 0.2, 2500, rng())
+def test_a_start_in_a_corner_is_a_start(solver: Solver, corner: float) -> None:
+    solution = minimise(solver, sphere, box(), np.full(DIMENSION, corner), 0.2, 2500, rng())
     assert solution.x == pytest.approx(CENTRE, abs=0.01)
 
 
@@ -241,15 +251,15 @@ def grid(cost_of: Function) -> tuple[Points, Points]:
     return points, cost_of(points)
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS)
+@pytest.mark.parametrize("solver", SOLVERS.values())
 def test_the_best_gait_of_a_grid_is_found(
-    optimiser: ModuleType, cost_of: Function, grid: tuple[Points, Points]
+    solver: Solver, cost_of: Function, grid: tuple[Points, Points]
 ) -> None:
     """Nelder–Mead, a polish, starts from the grid's fourth best; CMA-ES anywhere."""
     points, costs = grid
     order = costs.argsort()
-    start, sigma = (points[order[3]], 0.08) if optimiser is nelder_mead else (np.full(2, 0.5), 0.25)
-    solution = optimiser.minimise(cost_of, box((1,), 2), start, sigma, 200, rng())
+    start, sigma = (points[order[3]], 0.08) if solver == NELDER_MEAD else (np.full(2, 0.5), 0.25)
+    solution = minimise(solver, cost_of, box((1,), 2), start, sigma, 200, rng())
     assert costs.min() < 0.0
     assert solution.cost <= costs.min() + 0.05 * abs(costs.min())
     worth = costs[order[:8]]

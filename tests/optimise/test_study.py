@@ -17,7 +17,8 @@ from gaitopt.core.streams import Stream
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.run import Optimised, Request, optimise
-from gaitopt.optimise.study import METHODS, Progress
+from gaitopt.optimise.stages import method_names
+from gaitopt.optimise.study import SearchProgress
 from gaitopt.optimise.verification import Verified, scenarios_of
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.run_folder import RunFolder
@@ -33,10 +34,10 @@ def run(
     request: Request,
     workers: int = 1,
     executor: str = "threads",
-    progress: list[Progress] | None = None,
+    progress: list[SearchProgress] | None = None,
 ) -> Optimised:
     """Run the main job with its journal at `path`."""
-    seen: list[Progress] = [] if progress is None else progress
+    seen: list[SearchProgress] = [] if progress is None else progress
     with open_executor(executor, workers) as pool:
         return optimise(problem, request, Journal(path, problem), pool, seen.append)
 
@@ -118,7 +119,7 @@ def test_the_journal_is_there_from_the_first_second(strider: Problem, tmp_path: 
     path = tmp_path / "evaluations.csv"
     lengths: list[int] = []
 
-    def on_progress(progress: Progress) -> None:
+    def on_progress(progress: SearchProgress) -> None:
         lengths.append(len(path.read_text().splitlines()) - 1)
         assert lengths[-1] == progress.done
 
@@ -240,21 +241,21 @@ def test_a_journal_of_another_request_is_recognised(
 # --- the search -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", method_names())
 @pytest.mark.parametrize("budget", [1, 2, 5, 13])
 def test_every_method_spends_at_most_its_budget(
     strider: Problem, tmp_path: Path, method: str, budget: int
 ) -> None:
-    progress: list[Progress] = []
+    progress: list[SearchProgress] = []
     path = tmp_path / "evaluations.csv"
     optimised = run(strider, path, Request(1, budget, method), progress=progress)
     assert len(optimised.entries) == budget
     if method != "default":
         assert {entry.method for entry in optimised.entries} == {method}
-    assert progress[-1].done == progress[-1].budget == budget
+    assert progress[-1].done == progress[-1].total == budget
     bests = [p.best.evaluation.cost for p in progress if p.best is not None]
     assert bests == sorted(bests, reverse=True)
-    assert optimised.found_by in {*METHODS, "quasi-random", *strider.baselines}
+    assert optimised.found_by in {*method_names(), "quasi-random", *strider.baselines}
 
 
 def test_the_search_beats_its_first_batch(strider: Problem, tmp_path: Path) -> None:

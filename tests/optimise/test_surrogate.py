@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gaitopt.optimise.solvers import cma_es
+from gaitopt.optimise.solvers.cma_es import CmaEs
 from gaitopt.optimise.solvers.solution import Box
+from gaitopt.optimise.solvers.solver import Minimisation
 from gaitopt.optimise.solvers.surrogate import most_promising
 
 Points = NDArray[np.float64]
@@ -82,7 +83,8 @@ def test_the_search_gets_further_with_it() -> None:
 
         start, rng = np.full(10, 0.7), np.random.default_rng(seed)
         box = Box(np.zeros(10, dtype=bool))
-        solution = cma_es.minimise(evaluate, box, start, 0.1, 150, rng, choose if chosen else None)
+        task = Minimisation(evaluate, box, start, 0.1, 150, rng, choose if chosen else None)
+        solution = CmaEs().minimise(task)
         assert solution.evaluations == len(asked) == 150
         return solution.cost
 

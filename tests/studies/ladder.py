@@ -18,9 +18,9 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -35,10 +35,15 @@ from scipy.stats import spearmanr
 from searches import judged, setting_of
 
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise import ladder, run, study
+from gaitopt.optimise import ladder
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import WORKING
+from gaitopt.optimise.quasi_random import quasi_random
+from gaitopt.optimise.selection import finalists, select
+from gaitopt.optimise.settings import SearchSettings
+from gaitopt.optimise.stages import FirstBatch
+from gaitopt.optimise.study import StudySettings
 from gaitopt.optimise.verification import verify
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.setup import RobotSetup
@@ -48,10 +53,10 @@ NEIGHBOURS = 16
 CASES = {"arcfold": ("arcfold", True, 6, 150), "strider": (ROBOTS / "strider", False, 15, 400)}
 """Problem, whether it is planned, seeds, and gaits of a search."""
 
-RUNGS: dict[str, Callable[[RobotSetup], RobotSetup]] = {
+RUNGS: dict[str, Callable[[RobotSetup, float], RobotSetup]] = {
     "longer timestep": ladder.coarser,
     "shorter horizon": ladder.shorter,
-    "both": lambda setting: ladder.shorter(ladder.coarser(setting)),
+    "both": lambda setup, factor: ladder.shorter(ladder.coarser(setup, factor), factor),
 }
 
 Floats = NDArray[np.float64]
@@ -84,13 +89,13 @@ def ranks(case: str, seed: int) -> dict[str, Any]:
     evaluator = evaluator_of(problem, seed)
     points = [problem.space.encode(gait) for gait in planned(case, seed)] if warm else _first(problem, seed)
     start = points[int(costs(evaluator, [problem.space.decode(point) for point in points]).argmin())]
-    spread = study._PLANNED_SPREAD if warm else study._SPREAD
+    spread = StudySettings.planned_spread if warm else StudySettings.spread
     moved = start + spread * np.random.default_rng([seed, 99]).standard_normal((NEIGHBOURS, len(start)))
     moved = np.where(problem.space.circular, moved, moved.clip(0.0, 1.0))
     gaits = [problem.space.decode(point) for point in moved]
     setting = evaluator.setup
     chance = tuple(replace(s, pose_seed=s.pose_seed + 12345) for s in setting.scenarios)
-    settings = {name: lower(setting) for name, lower in RUNGS.items()}
+    settings = {name: lower(setting, ladder.LadderSettings.factor) for name, lower in RUNGS.items()}
     settings["other start poses"] = RobotSetup.of(problem, chance, setting.fidelity)
     settings["reference"] = RobotSetup.of(problem, setting.scenarios, problem.simulation.reference)
     settings["working"] = setting
@@ -107,20 +112,15 @@ def ranks(case: str, seed: int) -> dict[str, Any]:
 
 
 def _first(problem: Problem, seed: int) -> list[Floats]:
-    batch = study.quasi_random(problem.space, study._FIRST_MOST, seed)
+    batch = quasi_random(problem.space, FirstBatch.most, seed)
     return [*(problem.space.encode(gait) for gait in problem.baselines.values()), *batch]
 
 
-@contextmanager
-def forced(rung: str | None) -> Iterator[None]:
-    """Make every search descend to a rung, whatever it is worth."""
-    before = ladder._STEPS, ladder.TRUSTED, study._LADDER_FROM
-    ladder._STEPS = {rung: RUNGS[rung]} if rung else {}
-    ladder.TRUSTED, study._LADDER_FROM = -1.0, 0 if rung else math.inf  # type: ignore[assignment]
-    try:
-        yield
-    finally:
-        ladder._STEPS, ladder.TRUSTED, study._LADDER_FROM = before
+def forced(rung: str | None) -> StudySettings:
+    """Settings with which every search descends to a rung, whatever it is worth."""
+    steps = (ladder.Step(rung, RUNGS[rung]),) if rung else ()
+    from_gaits = 0 if rung else sys.maxsize
+    return StudySettings(ladder=ladder.LadderSettings(from_gaits, trusted=-1.0, steps=steps))
 
 
 def search(case: str, seed: int, rung: str | None) -> dict[str, Any]:
@@ -128,13 +128,13 @@ def search(case: str, seed: int, rung: str | None) -> dict[str, Any]:
     problem, (_, warm, _, budget) = problem_of(case), CASES[case]
     evaluator = evaluator_of(problem, seed)
     starts, elites = judged(evaluator), planned(case, seed) if warm else ()
-    with forced(rung):
-        began = time.process_time()
-        searched = searches.search(evaluator, budget, seed, starts, elites, laddered=True)
-        cpu_s = time.process_time() - began
-    winner, *_ = run._select(problem, run._finalists(searched.entries, starts), seed, SerialExecutor())
-    (verified,) = verify(problem, [winner], seed, SerialExecutor())
-    longer = ladder.FACTOR if rung in ("longer timestep", "both") else 1.0
+    began = time.process_time()
+    searched = searches.search(evaluator, budget, seed, starts, elites, laddered=True, settings=forced(rung))
+    cpu_s = time.process_time() - began
+    among = finalists(searched.entries, starts, SearchSettings.finalists)
+    winner = select(problem, among, SerialExecutor(), seed)
+    (verified,) = verify(problem, [winner.gait], seed, SerialExecutor())
+    longer = ladder.LadderSettings.factor if rung in ("longer timestep", "both") else 1.0
     spent = sum(e.simulated_s / (1.0 if e.rung == WORKING else longer) for e in searched.entries)
     checked = sum(one.simulated_s / longer for one in searched.rungs)
     return {

@@ -24,9 +24,10 @@ from gaitopt.core.files import write_text
 from gaitopt.gait.gait import Gait, write_gait
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import open_executor
-from gaitopt.optimise.solvers import cma_es
+from gaitopt.optimise.quasi_random import quasi_random
+from gaitopt.optimise.solvers.cma_es import CmaEs
 from gaitopt.optimise.solvers.solution import Box
-from gaitopt.optimise.study import quasi_random
+from gaitopt.optimise.solvers.solver import Minimisation
 from gaitopt.plan.plan import Planner
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.scenario import NOMINAL, draw_scenarios
@@ -86,7 +87,7 @@ def search(problem: Problem, evaluator: Evaluator, budget: int) -> tuple[Gait, d
     for name, points, spent in (("planned", elites, 0), ("cold", drawn, FIRST)):
         start = points[costs(points).argmin()]
         rng = np.random.default_rng([20, spent])
-        found[name] = cma_es.minimise(costs, box, start, 0.15, budget // 2 - spent, rng)
+        found[name] = CmaEs().minimise(Minimisation(costs, box, start, 0.15, budget // 2 - spent, rng))
         print(name, found[name], flush=True)
     best = space.decode(min(found.values(), key=lambda solution: solution.cost).x, "long-search")
     return best, {name: solution.cost for name, solution in found.items()}

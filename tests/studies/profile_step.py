@@ -27,7 +27,7 @@ from scipy.stats import spearmanr
 
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Outcome, judge
-from gaitopt.optimise.study import quasi_random
+from gaitopt.optimise.quasi_random import quasi_random
 from gaitopt.plan.plan import Planner
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.robot import Robot

@@ -25,7 +25,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +39,8 @@ from searches import judged, planned, search
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluated, Evaluator, Outcome
 from gaitopt.optimise.executors import SerialExecutor
-from gaitopt.optimise.solvers import cma_es
+from gaitopt.optimise.solvers.cma_es import CmaEs
+from gaitopt.optimise.stages import DEFAULT_METHOD, Method
 from gaitopt.plan.plan import Planner
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.metrics import metric_names
@@ -257,20 +258,18 @@ def cold(record: Recorded, seed: int) -> float:
 
 def without_surrogate(record: Recorded, seed: int) -> float:
     """The default method, every candidate evaluated."""
-    offered, cma_es.OFFERED = cma_es.OFFERED, 1
-    try:
-        return _study(record, seed, warm=record.plans)
-    finally:
-        cma_es.OFFERED = offered
+    first, *others = DEFAULT_METHOD.stages
+    plain = (replace(first, solver=CmaEs(offered=1)), *others)
+    return _study(record, seed, warm=record.plans, method=replace(DEFAULT_METHOD, stages=plain))
 
 
-def _study(record: Recorded, seed: int, warm: bool) -> float:
+def _study(record: Recorded, seed: int, warm: bool, method: Method = DEFAULT_METHOD) -> float:
     problem = record.setup.problem
     began = time.process_time()
     elites = planned(problem, seed) if warm else ()
     plan_s = time.process_time() - began if warm else 0.0
     starts = judged(record)
-    search(record, record.budget - len(starts), seed, starts, elites)
+    search(record, record.budget - len(starts), seed, starts, elites, method=method)
     return plan_s
 
 

@@ -10,13 +10,14 @@ from typing import Any
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.journal import Journal
-from gaitopt.optimise.study import Study
+from gaitopt.optimise.stages import DEFAULT_METHOD, Method
+from gaitopt.optimise.study import Start, Study, StudySettings
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.plan.plan import Planner, PlanSettings
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.setup import RobotSetup
 
-Starts = list[tuple[Gait, float]]
+Starts = list[Start]
 
 
 def planned(problem: Problem, seed: int) -> tuple[Gait, ...]:
@@ -34,7 +35,9 @@ def setting_of(problem: Problem, seed: int) -> RobotSetup:
 def judged(evaluator: Any) -> Starts:
     """Return the baselines with their costs, which a search begins with."""
     baselines = list(evaluator.setup.problem.baselines.values())
-    return [(gait, one.evaluation.cost) for gait, one in zip(baselines, evaluator(baselines), strict=True)]
+    return [
+        Start(gait, one.evaluation.cost) for gait, one in zip(baselines, evaluator(baselines), strict=True)
+    ]
 
 
 def search(
@@ -44,8 +47,10 @@ def search(
     starts: Starts,
     elites: Sequence[Gait] = (),
     laddered: bool = False,
+    settings: StudySettings | None = None,
+    method: Method = DEFAULT_METHOD,
 ) -> Study:
-    """Return a search by the default method once it has spent its budget.
+    """Return a search once it has spent its budget.
 
     Args:
         evaluator: an `Evaluator`, or what stands in its place.
@@ -54,9 +59,11 @@ def search(
         starts: the baselines with their costs.
         elites: gaits of a plan; without them the search starts cold.
         laddered: whether it may descend to cheaper rungs.
+        settings: how the study searches.
+        method: the stages of the search.
     """
     with TemporaryDirectory() as folder:
         journal = Journal(Path(folder) / "evaluations.csv", evaluator.setup.problem)
-        study = Study(evaluator, journal, budget, seed)
-        study.run("default", starts, elites, laddered=laddered)
+        study = Study(evaluator, journal, budget, seed, settings=settings or StudySettings())
+        study.run(method, starts, elites, laddered=laddered)
     return study

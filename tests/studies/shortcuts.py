@@ -27,7 +27,7 @@ from scipy.stats import spearmanr
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Outcome, judge
-from gaitopt.optimise.study import quasi_random
+from gaitopt.optimise.quasi_random import quasi_random
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.plan.plan import Planner
 from gaitopt.problem.problem import Problem, load_problem

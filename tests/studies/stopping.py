@@ -36,6 +36,7 @@ from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluated, Evaluator, Outcome
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Entry
+from gaitopt.optimise.study import Start
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
@@ -126,7 +127,9 @@ def search(problem: Problem, seed: int, budget: int, warm: bool) -> tuple[list[E
     """Return a search's entries, what its rollouts were like, and the best speed of the baselines."""
     evaluator = Watching(setting_of(problem, seed), SerialExecutor(), problem.objective.search_margin)
     evaluations = [one.evaluation for one in evaluator(list(problem.baselines.values()))]
-    starts = [(gait, one.cost) for gait, one in zip(problem.baselines.values(), evaluations, strict=True)]
+    starts = [
+        Start(gait, one.cost) for gait, one in zip(problem.baselines.values(), evaluations, strict=True)
+    ]
     study = searches.search(evaluator, budget, seed, starts, planned(problem, seed) if warm else ())
     best = min(evaluations, key=lambda evaluation: evaluation.cost)
     return study.entries, evaluator, best.metrics["speed_m_s"]

@@ -19,7 +19,7 @@ from gaitopt.optimise import evaluator
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Journal
-from gaitopt.optimise.study import quasi_random
+from gaitopt.optimise.quasi_random import quasi_random
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.robot.trajectory import Trajectory

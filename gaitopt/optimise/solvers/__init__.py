@@ -1,1 +1,1 @@
-"""One solver a file: a cost and a start in, a solution out."""
+"""Solvers, one a file: a cost, a start and a budget in, a solution out."""

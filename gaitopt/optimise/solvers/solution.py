@@ -1,4 +1,4 @@
-"""What every optimiser takes and gives."""
+"""What every solver takes and gives: points, costs, bounds and a solution."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Evaluate = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 class Stop(enum.Enum):
-    """Why an optimiser ended."""
+    """Why a solver ended."""
 
     BUDGET = "the budget of evaluations is spent"
     CONVERGED = "steps and differences in cost became too small"
@@ -23,7 +23,7 @@ class Stop(enum.Enum):
 
 @dataclass(frozen=True)
 class Solution:
-    """The best point an optimiser saw.
+    """The best point that a solver saw.
 
     Attributes:
         x: the point, shape (d,).

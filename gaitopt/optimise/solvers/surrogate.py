@@ -1,11 +1,13 @@
-"""A surrogate: which of many candidates promise most, judged by what was evaluated near them.
+"""A surrogate: it predicts which of many candidates are best from the evaluations near them.
 
-Radial functions interpolate the ranks of the costs; ranks, because one penalty is as large as a thousand
-differences in speed. It is as good as the evaluations around a candidate, so it chooses among candidates
-and never stands in for an evaluation. What it is worth: ``results/rivals``.
+Radial basis functions interpolate the ranks of the costs. Ranks are used because one penalty is as large as
+a thousand differences in speed. The prediction is only as good as the evaluations near a candidate, so it
+chooses among candidates and never replaces an evaluation. What it gains: ``results/rivals``.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +16,29 @@ from scipy.stats import rankdata
 
 from gaitopt.optimise.solvers.solution import Point
 
-_NEIGHBOURS = 60
-"""A candidate is judged by this many evaluated points; what lies further away says little about it."""
 
-_SMOOTHING = 1e-3
-"""Lets the interpolation miss its points a little: near neighbours may differ by chaos alone."""
+@dataclass(frozen=True)
+class SurrogateSettings:
+    """How candidates are judged.
+
+    Attributes:
+        neighbours: each candidate is judged by at most this many evaluated points; points further away say
+            little about it.
+        smoothing: lets the interpolation miss its points a little, because near neighbours may differ by
+            chaos alone.
+    """
+
+    neighbours: int = 60
+    smoothing: float = 1e-3
 
 
 def most_promising(
-    points: Point, costs: Point, candidates: Point, count: int, circular: NDArray[np.bool_]
+    points: Point,
+    costs: Point,
+    candidates: Point,
+    count: int,
+    circular: NDArray[np.bool_],
+    settings: SurrogateSettings = SurrogateSettings(),
 ) -> Point:
     """Return the `count` candidates of lowest predicted rank, best first, shape (count, d).
 
@@ -34,6 +50,7 @@ def most_promising(
         candidates: points to choose from, shape (m, d).
         count: how many to choose.
         circular: which coordinates are circular, shape (d,).
+        settings: how candidates are judged.
     """
     known, first = np.unique(_embedded(points, circular), axis=0, return_index=True)
     if len(known) <= points.shape[1]:
@@ -42,9 +59,9 @@ def most_promising(
     predicted = RBFInterpolator(
         known,
         ranks,
-        neighbors=min(_NEIGHBOURS, len(known)),
+        neighbors=min(settings.neighbours, len(known)),
         kernel="linear",
-        smoothing=_SMOOTHING,
+        smoothing=settings.smoothing,
         degree=0,
     )(_embedded(candidates, circular))
     chosen: Point = candidates[np.argsort(predicted, kind="stable")[:count]]
@@ -52,7 +69,7 @@ def most_promising(
 
 
 def _embedded(points: Point, circular: NDArray[np.bool_]) -> Point:
-    """Return points in a space where near is near: a circle of diameter 0.64 for each phase."""
+    """Return points in a space of true distances: each phase becomes a circle of diameter 0.64."""
     angle = 2.0 * np.pi * points[:, circular]
     box = points[:, ~circular].clip(0.0, 1.0)
     return np.hstack([box, np.cos(angle) / np.pi, np.sin(angle) / np.pi])

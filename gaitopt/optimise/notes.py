@@ -1,0 +1,52 @@
+"""Notes: what a user should know of a search, in one sentence each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from gaitopt.optimise.evaluator import DROPPED
+from gaitopt.optimise.journal import Entry
+from gaitopt.optimise.verification import Verified
+
+
+def drift_notes(
+    predicted: Mapping[str, float], baselines: Sequence[Verified], ratio: float
+) -> tuple[str, ...]:
+    """Return what the planar model misses of the baselines that drift sideways.
+
+    Args:
+        predicted: planar speed of each baseline by name, m/s.
+        baselines: the baselines, verified.
+        ratio: sideways over forward speed above which a baseline is said to drift.
+    """
+    return tuple(
+        f"{row.gait.name} drifts sideways at {row.evaluation.metrics['sideways_ratio']:.0%} of its speed, "
+        f"which the planar model does not know: it predicts {1e3 * predicted[row.gait.name]:.1f} mm/s "
+        f"where MuJoCo has {1e3 * row.speed:.1f}"
+        for row in baselines
+        if row.evaluation.metrics["sideways_ratio"] > ratio
+    )
+
+
+def failure_notes(entries: Sequence[Entry], baselines: Sequence[Verified] = ()) -> tuple[str, ...]:
+    """Return how many gaits of the search failed in simulation and why, and which baselines failed."""
+    statuses = [entry.evaluation.status for entry in entries]
+    reasons = Counter(one for one in statuses if one != "ok" and not one.startswith(DROPPED))
+    said = counted(reasons)
+    searched = (f"{reasons.total()} of {len(entries)} gaits failed in simulation: {said}",) if said else ()
+    return searched + tuple(
+        f"{row.gait.name} failed in simulation: {row.evaluation.status}"
+        for row in baselines
+        if row.evaluation.status != "ok"
+    )
+
+
+def counted(reasons: Counter[str], most: int | None = None) -> str:
+    """Return reasons with their counts, the most frequent first.
+
+    Args:
+        reasons: how often each occurred.
+        most: how many to name at most; all by default.
+    """
+    return ", ".join(f"{reason} ({count})" for reason, count in reasons.most_common(most))

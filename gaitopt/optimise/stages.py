@@ -1,0 +1,96 @@
+"""The methods of the search: each a list of stages that share the budget."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gaitopt.core.errors import GaitoptError, nearest
+from gaitopt.optimise.solvers.cma_es import CmaEs
+from gaitopt.optimise.solvers.nelder_mead import NelderMead
+from gaitopt.optimise.solvers.registry import SOLVERS
+from gaitopt.optimise.solvers.solver import Solver
+
+
+@dataclass(frozen=True)
+class FirstBatch:
+    """Quasi-random gaits before the first stage, where no plan says where to start.
+
+    Attributes:
+        share: share of the budget.
+        most: gaits at most.
+    """
+
+    share: float = 0.1
+    most: int = 40
+
+    def count(self, budget: int) -> int:
+        """Return how many gaits of a budget belong to it, at least 1."""
+        return min(max(1, round(self.share * budget)), self.most)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One solver at work.
+
+    Attributes:
+        solver: the solver.
+        share: share of the budget that the stages before leave for this one. It may also spend what they
+            left over.
+        spread: length of the first steps, in units of the box; None for that of the settings, which depends
+            on whether there is a plan.
+        from_search: whether it starts from the best gait of the search, not from the best of the baselines
+            and the first gaits.
+        may_descend: whether a cheaper rung of the fidelity ladder may judge its populations. The best
+            gaits of that rung are then evaluated again at the working fidelity.
+    """
+
+    solver: Solver
+    share: float = 0.0
+    spread: float | None = None
+    from_search: bool = False
+    may_descend: bool = False
+
+
+@dataclass(frozen=True)
+class Method:
+    """How to search.
+
+    Attributes:
+        name: what ``--method`` calls it.
+        stages: the solvers in order.
+        first: the batch before them; None for none.
+    """
+
+    name: str
+    stages: tuple[Stage, ...]
+    first: FirstBatch | None = None
+
+
+DEFAULT_METHOD = Method(
+    "default",
+    (
+        Stage(CmaEs(), may_descend=True),
+        Stage(NelderMead(), share=0.15, spread=0.05, from_search=True),
+    ),
+    FirstBatch(),
+)
+"""CMA-ES from a quasi-random batch or a plan, then a polish by Nelder–Mead."""
+
+
+def method_names() -> list[str]:
+    """Return the names that ``--method`` allows: the default search, and each solver alone."""
+    return [DEFAULT_METHOD.name, *SOLVERS]
+
+
+def method_of(name: str) -> Method:
+    """Return the method of a name.
+
+    Raises:
+        GaitoptError: there is no such method.
+    """
+    if name == DEFAULT_METHOD.name:
+        return DEFAULT_METHOD
+    if name not in SOLVERS:
+        names = method_names()
+        raise GaitoptError(f"--method: found {name!r}; allowed: {', '.join(names)}{nearest(name, names)}")
+    return Method(name, (Stage(SOLVERS[name]),))
