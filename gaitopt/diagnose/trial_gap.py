@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floor, Floors, marker_floor
 from gaitopt.diagnose.gap.mismatches import mismatches
-from gaitopt.diagnose.gap.where import COMPONENTS, Split, split
+from gaitopt.diagnose.gap.split import COMPONENTS, Split, split
 from gaitopt.diagnose.record.cleaning import Cleaned
 from gaitopt.diagnose.record.cycles import steady_from
 from gaitopt.diagnose.record.defect import Defect

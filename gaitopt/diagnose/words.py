@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.gap.floor import marker_floor
-from gaitopt.diagnose.gap.where import Split
+from gaitopt.diagnose.gap.split import Split
 from gaitopt.diagnose.judge.evidence import Gap
 from gaitopt.diagnose.judge.experiment import Experiment
 from gaitopt.diagnose.judge.unevenness import UNEVEN

@@ -9,7 +9,8 @@ from typing import Any
 from gaitopt.core.quantities import figure
 from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis, GapOfTrial
-from gaitopt.diagnose.gap.where import COMPONENTS, GapShare
+from gaitopt.diagnose.gap.split import COMPONENTS
+from gaitopt.diagnose.gap.where import GapShare
 from gaitopt.report.page import Table
 from gaitopt.robot.signals import unit_of
 

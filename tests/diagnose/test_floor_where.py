@@ -15,7 +15,7 @@ from planting import dataset, filmed, rollout
 from gaitopt.diagnose.diagnosis import locate
 from gaitopt.diagnose.gap.align import align, pooled_marker_rms
 from gaitopt.diagnose.gap.floor import Floor, marker_floor
-from gaitopt.diagnose.gap.where import COMPONENTS, split
+from gaitopt.diagnose.gap.split import COMPONENTS, split
 from gaitopt.diagnose.record.cycles import PHASES, shifted, steady
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.diagnose.record.trial import Trial

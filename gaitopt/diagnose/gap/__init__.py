@@ -1,1 +1,1 @@
-"""Measured beside simulated: how far apart, and where."""
+"""Measured and simulated trials compared: how far apart they are, and where."""

@@ -1,4 +1,4 @@
-"""The nuisances: a recording's unknown origin, and its offset in time where no sync mark was filmed."""
+"""A trial beside its prediction: the unknown origin and the unknown offset in time are fitted."""
 
 from __future__ import annotations
 
@@ -6,35 +6,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.diagnose.record.trial import Trial
+from gaitopt.diagnose.gap.settings import DEFAULT, AlignSettings
+from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.robot.signals import is_marker
 from gaitopt.robot.trajectory import Trajectory
-
-Series = NDArray[np.float64]
-
-_OFFSETS = 401
-"""Offsets tried over two blocks before the best is refined: 5 ms apart at 1 s."""
-
-_PRECISION_S = 1e-5
 
 
 @dataclass(frozen=True)
 class Aligned:
-    """A trial beside its prediction, on the gait's clock.
+    """A trial beside its prediction, in gait time.
 
     Attributes:
         trial: the trial.
         simulated: the prediction, from gait time 0 on.
         offset_s: gait time at the recording's zero, s, given or fitted.
         time: gait time of each sample, s, shape (n,).
-        predicted: for each signal the prediction at those times, the marker's moved to the measured
-            origin, shape (n,).
-        residual: measured minus predicted, the marker's of zero mean; NaN where a sample does not count,
-            shape (n,).
+        predicted: for each signal the prediction at those times, m or rad, shape (n,). The marker's is moved
+            to the measured origin.
+        residual: for each signal measured minus predicted, m or rad, shape (n,). The marker's has zero mean;
+            NaN where a sample does not count.
     """
 
     trial: Trial
@@ -50,30 +43,35 @@ class Aligned:
 
     @property
     def marker_rms(self) -> float:
-        """RMS distance between measured and predicted marker over the axes measured, m."""
+        """RMS distance between measured and predicted marker over the measured axes, m."""
         return float(np.sqrt(sum(self.rms(name) ** 2 for name in self.trial.signals if is_marker(name))))
 
 
 def square_apart(one: Trajectory, other: Trajectory, signal: str) -> float:
-    """Return the mean squared difference of a signal, the marker's origin removed, m² or rad²."""
+    """Return the mean squared difference of a signal, m² or rad²; a marker's origin is removed."""
     apart = one[signal] - np.interp(one.time, other.time, other[signal])
     return float(apart.var() if is_marker(signal) else np.mean(apart**2))
 
 
-def align(trial: Trial, simulated: Trajectory) -> Aligned:
-    """Return a trial beside a prediction, its nuisances fitted.
+def align(trial: Trial, simulated: Trajectory, settings: AlignSettings = DEFAULT.align) -> Aligned:
+    """Return a trial beside a prediction, with its origin and its offset in time fitted.
 
     The origin of the marker's coordinates is free, that of angles is not. Where the gait time of the
-    recording's start is unknown, the offset between one block before and one after is taken that
-    leaves the least squared residual about a line, so that a difference in speed does not pull at it;
-    signals weigh alike, each by its own spread.
+    recording's start is unknown, offsets between one block before and one block after are tried. The best
+    one leaves the least squared residual about a line, so that a difference in speed does not matter. All
+    signals weigh the same, each scaled by its own spread.
+
+    Args:
+        trial: the trial.
+        simulated: its prediction, from gait time 0 on.
+        settings: see `AlignSettings`.
 
     Raises:
         GaitoptError: the simulation failed.
     """
     if simulated.status != "ok" or len(simulated.time) == 0:
         raise GaitoptError(f"trial {trial.name}: the simulation of its gait {simulated.status}")
-    offset = trial.starts_at_s if trial.starts_at_s is not None else _best_offset(trial, simulated)
+    offset = trial.starts_at_s if trial.starts_at_s is not None else _best_offset(trial, simulated, settings)
     time = trial.time + offset
     predicted, residual = {}, {}
     for name, series in trial.signals.items():
@@ -84,12 +82,12 @@ def align(trial: Trial, simulated: Trajectory) -> Aligned:
     return Aligned(trial, simulated, offset, time, predicted, residual)
 
 
-def _best_offset(trial: Trial, simulated: Trajectory) -> float:
+def _best_offset(trial: Trial, simulated: Trajectory, settings: AlignSettings) -> float:
+    """Return the gait time at the recording's zero that fits best, s."""
     terms = []
-    for name, series in trial.signals.items():
-        keep = trial.used[name]
-        time = trial.time[keep]
-        measured = without_line(time, series[keep])
+    for name in trial.signals:
+        time, series = trial.counted(name)
+        measured = without_line(time, series)
         scale = float(np.sqrt(np.mean(measured**2))) or 1.0
         terms.append((time, measured / scale, simulated[name] / scale))
 
@@ -99,15 +97,15 @@ def _best_offset(trial: Trial, simulated: Trajectory) -> float:
             for time, measured, s in terms
         )
 
-    offsets = np.linspace(-trial.drive.block_s, trial.drive.block_s, _OFFSETS)
+    offsets = np.linspace(-trial.drive.block_s, trial.drive.block_s, settings.offsets)
     best = int(np.argmin([cost(offset) for offset in offsets.tolist()]))
     bounds = (float(offsets[max(0, best - 1)]), float(offsets[min(len(offsets) - 1, best + 1)]))
-    refined = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": _PRECISION_S})
+    refined = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": settings.precision_s})
     return float(refined.x)
 
 
 def without_line(time: Series, series: Series) -> Series:
-    """Return a series about its least-squares line over time."""
+    """Return a series minus its least-squares line over time."""
     centred = time - time.mean()
     below = float(centred @ centred)
     slope = float(centred @ series) / below if below > 0.0 else 0.0

@@ -1,1 +1,1 @@
-"""Measured trials: read, imported, cleaned."""
+"""Measured trials: read, imported and cleaned."""

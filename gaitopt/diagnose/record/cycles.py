@@ -5,20 +5,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.diagnose.record.trial import Series
 from gaitopt.gait.drive import Drive
 from gaitopt.problem.records import Horizon
-
-Series = NDArray[np.float64]
 
 PHASES = 240
 """Phases of a cycle at which series are compared: 17 ms apart at 4 s."""
 
-_NEAR_CYCLES = 0.03
-_NEAR_FRAMES = 2.0
-"""A phase counts as measured if a sample lies this near, in cycles or in frames."""
+
+@dataclass(frozen=True)
+class CycleSettings:
+    """When a phase of a cycle counts as measured.
+
+    Attributes:
+        near_cycles: a sample lies within this share of a cycle,
+        near_frames: or within this many frames.
+    """
+
+    near_cycles: float = 0.03
+    near_frames: float = 2.0
 
 
 def steady_from(horizon: Horizon, drive: Drive) -> float:
@@ -37,8 +44,8 @@ class Cycles:
 
     Attributes:
         begin: gait time at which the first of them begins, s.
-        count: how many there are.
-        period: s.
+        count: number of cycles.
+        period: length of a cycle, s.
     """
 
     begin: float
@@ -47,19 +54,19 @@ class Cycles:
 
     @staticmethod
     def of(time: Series, period: float, transient: float, name: str) -> Cycles:
-        """Return the whole cycles that end with the recording, after the transient if two fit there.
+        """Return the whole cycles that end with the recording: after the transient, if two fit there.
 
         Args:
-            time: gait times of the samples that count, s.
-            period: s.
-            transient: gait time at which the robot may be in its steady motion, s.
+            time: gait times of the samples that count, s, shape (n,).
+            period: of the drive, s.
+            transient: gait time from which the motion may be steady, s.
             name: name of the trial, for the message.
 
         Raises:
             GaitoptError: fewer than two cycles are left.
         """
         frame = float(np.median(np.diff(np.unique(time))))
-        end = float(time[-1]) + frame  # the last frame stands for its own interval
+        end = float(time[-1]) + frame  # the last frame lasts until the next one would come
         counts = [int((end - begin) / period + 1e-9) for begin in (max(time[0], transient), time[0])]
         count = counts[0] if counts[0] >= 2 else counts[1]
         if count < 2:
@@ -79,18 +86,21 @@ class Cycles:
         phases: Series = np.mod(self.begin / self.period + np.arange(PHASES) / PHASES, 1.0)
         return phases
 
-    def sampled(self, time: Series, series: Series, frame_s: float) -> Series:
-        """Return a series at each cycle and phase, NaN where nothing was measured nearby.
+    def sampled(
+        self, time: Series, series: Series, frame_s: float, settings: CycleSettings = CycleSettings()
+    ) -> Series:
+        """Return a series at each cycle and phase, shape (count, PHASES); NaN where no sample is near.
 
         Args:
             time: gait times of the samples that count, s, shape (n,).
             series: their values, shape (n,).
             frame_s: typical time between samples, s.
+            settings: which samples are near.
         """
         times = self.times
         after = np.clip(np.searchsorted(time, times), 1, len(time) - 1)
         distance = np.minimum(np.abs(time[after] - times), np.abs(times - time[after - 1]))
-        near = max(_NEAR_CYCLES * self.period, _NEAR_FRAMES * frame_s)
+        near = max(settings.near_cycles * self.period, settings.near_frames * frame_s)
         sampled: Series = np.where(distance <= near, np.interp(times, time, series), np.nan)
         return sampled
 
@@ -106,17 +116,19 @@ def cycle_means(rows: Series) -> Series:
 def steady(rows: Series) -> tuple[float, Series, Series]:
     """Split cycles into travel, shape and rest.
 
+    The travel is fitted within phases: there only whole cycles lie between samples, so that the motion
+    inside a cycle does not disturb it.
+
     Args:
         rows: a series by cycle and phase, shape (count, PHASES).
 
     Returns:
-        Travel per cycle; the motion inside the mean cycle about its line, of zero mean, shape
-        (PHASES,); and what is left of each sample, shape (count, PHASES).
+        Travel per cycle; the mean cycle without travel, of zero mean, shape (PHASES,); and the rest of each
+        sample, shape (count, PHASES).
     """
     count = len(rows)
     cycle = np.arange(count)[:, None] + np.arange(PHASES)[None, :] / PHASES
     phase_means = _column_means(rows)
-    # Within a phase only whole cycles separate samples, so travel is free of the motion inside a cycle.
     weight = np.isfinite(rows)
     level = cycle - _column_means(np.where(weight, cycle, np.nan))
     above = np.where(weight, (rows - phase_means) * level, 0.0).sum()
@@ -128,6 +140,7 @@ def steady(rows: Series) -> tuple[float, Series, Series]:
 
 
 def _column_means(rows: Series) -> Series:
+    """Return the mean of each phase, shape (PHASES,); NaN for a phase without any sample."""
     counts = np.isfinite(rows).sum(axis=0)
     sums = np.nansum(rows, axis=0)
     means: Series = np.divide(sums, counts, out=np.full(rows.shape[1], np.nan), where=counts > 0)
@@ -135,7 +148,7 @@ def _column_means(rows: Series) -> Series:
 
 
 def _filled(shape: Series) -> Series:
-    """Return a shape whose unmeasured phases are interpolated around the cycle."""
+    """Return a shape with its unmeasured phases interpolated between their neighbours in the cycle."""
     known = np.flatnonzero(np.isfinite(shape))
     if len(known) in (0, len(shape)):
         return np.nan_to_num(shape)
@@ -144,7 +157,7 @@ def _filled(shape: Series) -> Series:
 
 
 def shifted(shape: Series, cycles: float) -> Series:
-    """Return a periodic shape delayed by a share of the cycle."""
+    """Return a periodic shape delayed by a share of the cycle, shape (PHASES,)."""
     position = np.arange(len(shape)) - cycles * len(shape)
     delayed: Series = np.interp(position, np.arange(len(shape)), shape, period=len(shape))
     return delayed

@@ -13,7 +13,7 @@ from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.fit.fitting import TrialSet
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import marker_floor
-from gaitopt.diagnose.gap.where import COMPONENTS
+from gaitopt.diagnose.gap.split import COMPONENTS
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.precision import intervals
 from gaitopt.diagnose.trial_gap import TrialGap

@@ -1,0 +1,97 @@
+"""Settings of the comparison of measured and simulated trials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class AlignSettings:
+    """How an unknown offset in time is searched.
+
+    Attributes:
+        offsets: offsets tried over two blocks before the best is refined: 5 ms apart at blocks of 1 s.
+        precision_s: precision of the refined offset, s.
+    """
+
+    offsets: int = 401
+    precision_s: float = 1e-5
+
+
+@dataclass(frozen=True)
+class FloorSettings:
+    """How the floor is measured.
+
+    Attributes:
+        start_poses: number of start poses drawn; their size is that of the problem's scenarios.
+        halved: the error by the timestep is this many times the change when the timestep is halved. It is 2
+            for a method of first order, and contact makes every method one of first order.
+    """
+
+    start_poses: int = 4
+    halved: float = 2.0
+
+
+@dataclass(frozen=True)
+class MismatchSettings:
+    """When a recording is taken not to fit its simulation at all.
+
+    Attributes:
+        ratios: periods tried, over the commanded one.
+        near: periods this far either side of each are tried too, as a share of it,
+        near_steps: in this many steps.
+        explained: a period is one of the motion if its mean cycle explains this share of the variance.
+        as_good: of several such periods the shortest is taken that explains this share of the best.
+        part_of_longer: where a longer period than the commanded one is found, the commanded one may explain
+            at most this share of what the longer one does. An uneven walk repeats better by twos and fours
+            than one by one, but it does repeat one by one.
+        frames_per_period: a period that is tried has at least this many frames.
+        periods_per_span: the recording has at least this many of it.
+        unlike: a measured range within a block this many times the simulated one, or the inverse, is in
+            another unit.
+        reversed: correlation with the simulated motion below which an axis is reversed.
+        travels: a coordinate travels if its travel a cycle exceeds this share of its swing within one.
+        travels_back: it is reversed if it travels the other way by this share of the simulated travel.
+    """
+
+    ratios: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
+    near: float = 0.05
+    near_steps: int = 21
+    explained: float = 0.5
+    as_good: float = 0.85
+    part_of_longer: float = 0.4
+    frames_per_period: float = 4.0
+    periods_per_span: float = 1.5
+    unlike: float = 20.0
+    reversed: float = -0.6
+    travels: float = 0.5
+    travels_back: float = 0.25
+
+
+@dataclass(frozen=True)
+class SplitSettings:
+    """How a gap is split into its components.
+
+    Attributes:
+        delays: number of delays tried between measured and simulated motion.
+        largest_delay: the largest of them, in blocks either side.
+        resembles: the measured motion resembles the simulated one if the best delay and size leave less than
+            this share of its mean square. Otherwise no delay and no size are fitted.
+    """
+
+    delays: int = 121
+    largest_delay: float = 0.25
+    resembles: float = 0.5
+
+
+@dataclass(frozen=True)
+class GapSettings:
+    """Settings of everything that compares measured with simulated trials."""
+
+    align: AlignSettings = AlignSettings()
+    floor: FloorSettings = FloorSettings()
+    mismatches: MismatchSettings = MismatchSettings()
+    split: SplitSettings = SplitSettings()
+
+
+DEFAULT = GapSettings()
