@@ -115,7 +115,7 @@ def make_case(
         factory: what all cases share.
         out: the folder of the cases.
         index: number of the case, which decides its random draws.
-        kind: one of `settings.KINDS`.
+        kind: one of `kinds.KINDS`.
         request: its seed, and what to plant.
         executor: where robots are simulated.
 

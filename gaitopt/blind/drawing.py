@@ -42,7 +42,7 @@ class Draw:
     """A case as it was drawn, before it is recorded.
 
     Attributes:
-        kind: one of `settings.KINDS`.
+        kind: one of `kinds.KINDS`.
         planted: the effects planted.
         disturbance: the disturbance planted, if any.
     """
@@ -109,7 +109,7 @@ def draw_case(
 
     Args:
         factory: what all cases share.
-        kind: one of `settings.KINDS`.
+        kind: one of `kinds.KINDS`.
         rng: where the draws come from.
         executor: where robots are simulated.
         only: the effect or disturbance to plant; any by default.

@@ -34,7 +34,7 @@ class Truth(BaseModel):
     """What was done to the robot of a case.
 
     Attributes:
-        kind: one of `settings.KINDS`.
+        kind: one of `kinds.KINDS`.
         effects: what was planted.
         gap_over_floor: what that alone changed, the largest of all trials, in floors.
         figures: what else was drawn.

@@ -7,9 +7,6 @@ from dataclasses import dataclass, field
 
 from gaitopt.problem.records import Fidelity
 
-KINDS = ("single", "none", "outside", "pair")
-"""Kinds of cases: one effect, none, a disturbance outside the library, two effects."""
-
 
 @dataclass(frozen=True)
 class BlindSettings:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from gaitopt.blind.kinds import KINDS
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.options import add_executor, add_json, add_problem, problem_of, words_of
 
@@ -22,7 +23,7 @@ def add_make_options(parser: Parser) -> None:
     add("--gaits", metavar="A,B,…", help="baselines measured (default: all)")
     about = "what is measured (default: the marker and the first servo's joint)"
     add("--signals", metavar="A,B,…", help=about)
-    add("--kind", choices=("single", "none", "outside", "pair"), help="make this kind alone")
+    add("--kind", choices=KINDS, help="make this kind alone")
     add("--only", metavar="NAME", help="with --kind: plant this effect or disturbance")
     add_executor(parser)
 
