@@ -15,6 +15,7 @@ from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
 from gaitopt.diagnose.gap.align import align, pooled_marker_rms
 from gaitopt.diagnose.gap.floor import marker_floor, measure_floors
 from gaitopt.diagnose.gap.predict import predict
+from gaitopt.diagnose.gap.settings import DEFAULT, GapSettings
 from gaitopt.diagnose.gap.where import GapShare, gap_shares
 from gaitopt.diagnose.judge.causes import Causes, find_causes
 from gaitopt.diagnose.judge.evidence import Gap, shrinkage
@@ -133,7 +134,7 @@ class Diagnosis:
     @property
     def where(self) -> list[GapShare]:
         """Components of the gap, the largest share first; of trials that can blame something."""
-        return gap_shares((trial.name, trial.splits, trial.floors) for trial in self.trials if trial.counts)
+        return gap_shares([trial for trial in self.trials if trial.counts])
 
     def to_dict(self) -> dict[str, object]:
         """Return the content of ``diagnosis.json``."""
@@ -210,7 +211,9 @@ def _candidates(simulator: Simulator, dataset: DataSet, effects: Collection[str]
     return chosen
 
 
-def locate(simulator: Simulator, dataset: DataSet, executor: Executor, seed: int) -> Diagnosis:
+def locate(
+    simulator: Simulator, dataset: DataSet, executor: Executor, seed: int, settings: GapSettings = DEFAULT
+) -> Diagnosis:
     """Return where the gap between a data set and the nominal robot lies.
 
     Args:
@@ -218,16 +221,19 @@ def locate(simulator: Simulator, dataset: DataSet, executor: Executor, seed: int
         dataset: the data set.
         executor: where rollouts run.
         seed: seed of all randomness.
+        settings: see `GapSettings`.
 
     Raises:
         GaitoptError: a trial has fewer than two cycles left, or the simulation of its gait fails.
     """
-    cleaned = [clean(trial) for trial in dataset.trials]
+    cleaned = [clean(trial, settings.defects) for trial in dataset.trials]
     trials = [entry.trial for entry in cleaned]
     predictions = predict(simulator, trials, executor)
-    aligned = [align(trial, simulated) for trial, simulated in zip(trials, predictions, strict=True)]
-    floors = measure_floors(simulator, aligned, executor, seed)
-    gaps = [trial_gap(simulator.problem, *parts) for parts in zip(cleaned, aligned, floors, strict=True)]
+    pairs = zip(trials, predictions, strict=True)
+    aligned = [align(trial, simulated, settings.align) for trial, simulated in pairs]
+    floors = measure_floors(simulator, aligned, executor, seed, settings.floor)
+    parts = zip(cleaned, aligned, floors, strict=True)
+    gaps = [trial_gap(simulator.problem, *part, settings) for part in parts]
     name, source = simulator.problem.name, str(dataset.source)
     return Diagnosis(name, source, seed, simulator.fidelity, tuple(gaps))
 

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floor, Floors, marker_floor
 from gaitopt.diagnose.gap.mismatches import mismatches
+from gaitopt.diagnose.gap.settings import DEFAULT, GapSettings
 from gaitopt.diagnose.gap.split import COMPONENTS, Split, split
 from gaitopt.diagnose.record.cleaning import Cleaned
 from gaitopt.diagnose.record.cycles import steady_from
@@ -141,7 +142,9 @@ class TrialGap:
         }
 
 
-def trial_gap(problem: Problem, cleaned: Cleaned, aligned: Aligned, floors: Floors) -> TrialGap:
+def trial_gap(
+    problem: Problem, cleaned: Cleaned, aligned: Aligned, floors: Floors, settings: GapSettings = DEFAULT
+) -> TrialGap:
     """Split the gap of a trial, and look for defects that only the prediction shows.
 
     Args:
@@ -149,6 +152,7 @@ def trial_gap(problem: Problem, cleaned: Cleaned, aligned: Aligned, floors: Floo
         cleaned: the trial with the defects of its record.
         aligned: the same beside the nominal prediction.
         floors: the floor of each signal.
+        settings: see `GapSettings`.
     """
     transient = steady_from(problem.simulation.horizon, aligned.trial.drive)
     splits = {}
@@ -157,5 +161,6 @@ def trial_gap(problem: Problem, cleaned: Cleaned, aligned: Aligned, floors: Floo
         for defect in cleaned.defects:
             if defect.name in DEFECT_COMPONENTS:
                 extra[DEFECT_COMPONENTS[defect.name]] += defect.errors_m.get(name, 0.0) ** 2
-        splits[name] = split(aligned, name, transient, extra)
-    return TrialGap(cleaned, aligned, floors, splits, tuple(mismatches(aligned, transient)))
+        splits[name] = split(aligned, name, transient, extra, settings.split)
+    wrong = mismatches(aligned, transient, settings.mismatches)
+    return TrialGap(cleaned, aligned, floors, splits, tuple(wrong))

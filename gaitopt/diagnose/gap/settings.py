@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gaitopt.diagnose.record.settings import DEFAULT as DEFECTS
+from gaitopt.diagnose.record.settings import DefectSettings
+
 
 @dataclass(frozen=True)
 class AlignSettings:
@@ -86,8 +89,9 @@ class SplitSettings:
 
 @dataclass(frozen=True)
 class GapSettings:
-    """Settings of everything that compares measured with simulated trials."""
+    """Settings of everything that compares measured with simulated trials, from their cleaning on."""
 
+    defects: DefectSettings = DEFECTS
     align: AlignSettings = AlignSettings()
     floor: FloorSettings = FloorSettings()
     mismatches: MismatchSettings = MismatchSettings()

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from typing import Protocol
 
 from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.gap.split import COMPONENTS, Split
@@ -40,16 +41,32 @@ class GapShare:
         return asdict(self)
 
 
-def gap_shares(trials: Iterable[tuple[str, Mapping[str, Split], Floors]]) -> list[GapShare]:
+class SplitTrial(Protocol):
+    """A trial whose gap is split; see `TrialGap`."""
+
+    @property
+    def name(self) -> str:
+        """Name of the trial."""
+
+    @property
+    def splits(self) -> Mapping[str, Split]:
+        """Gap of each signal by component."""
+
+    @property
+    def floors(self) -> Floors:
+        """Floor of each signal."""
+
+
+def gap_shares(trials: Sequence[SplitTrial]) -> list[GapShare]:
     """Return the components of the gaps of some trials, the largest share first, without those of size 0.
 
     Args:
-        trials: name, splits and floors of each trial that counts.
+        trials: the trials that count.
     """
     shares = [
-        _gap_share(name, splits[signal], component, floors[signal].total)
-        for name, splits, floors in trials
-        for signal in splits
+        _gap_share(trial.name, trial.splits[signal], component, trial.floors[signal].total)
+        for trial in trials
+        for signal in trial.splits
         for component in COMPONENTS
     ]
     total = sum(one.share for one in shares) or 1.0

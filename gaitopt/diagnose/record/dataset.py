@@ -1,4 +1,4 @@
-"""Data sets: a folder of measured trials, read into SI units and checked."""
+"""A data set: a folder of measured trials, read in SI units and checked."""
 
 from __future__ import annotations
 
@@ -24,10 +24,13 @@ from gaitopt.robot.signals import kind_of
 DATASET_FILE = "dataset.toml"
 
 UNITS = {"marker": LENGTH, "joint": ANGLE}
-"""Kinds of signals that can be measured, and the units that their columns may have."""
+"""Kinds of signals that can be measured, and the units of their columns by suffix."""
 
 _SAMPLES_PER_BLOCK = 4
+"""A cycle with fewer samples has no shape; most such data sets have milliseconds in a column of seconds."""
+
 _WHOLE_BLOCKS = 2
+"""A trial has at least this many blocks, so that what differs from cycle to cycle shows."""
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -70,7 +73,12 @@ class DataSetFile(BaseModel):
 
 @dataclass(frozen=True)
 class DataSet:
-    """A checked data set: where it lies and its trials."""
+    """A checked data set.
+
+    Attributes:
+        source: the file ``dataset.toml``.
+        trials: the trials in the order of the file.
+    """
 
     source: Path
     trials: tuple[Trial, ...]
@@ -80,13 +88,13 @@ def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> Data
     """Return the data set in a folder.
 
     Args:
-        folder: the folder that holds ``dataset.toml``.
+        folder: the folder that holds ``dataset.toml``, or the file.
         problem: the problem whose robot was measured.
-        known: signals that the robot has, such as those of its simulator.
+        known: signals that the robot has, as its simulator names them.
 
     Raises:
-        GaitoptError: a file, key, column, unit, signal, channel or gait is wrong, a recording goes
-            back in time or is shorter than two blocks of its drive.
+        GaitoptError: a file, key, column, unit, signal, channel or gait is wrong, or a recording goes back
+            in time or is shorter than two blocks of its drive.
     """
     path = folder / DATASET_FILE if folder.is_dir() else folder
     if not path.is_file():
@@ -116,6 +124,7 @@ def _trial(entry: TrialFile, path: Path, problem: Problem, measurable: list[str]
 
 
 def _drive(reference: str, path: Path, problem: Problem, source: str) -> Drive:
+    """Return the baseline of that name, or the gait in a file of the data set's folder."""
     if reference in problem.baselines:
         return problem.baselines[reference]
     if not (path.parent / reference).is_file():
@@ -126,6 +135,7 @@ def _drive(reference: str, path: Path, problem: Problem, source: str) -> Drive:
 
 
 def _beside(path: Path, name: str, key: str) -> Path:
+    """Return a file in the data set's folder."""
     found = inside(path.parent, name)
     if found is None:
         raise bad_value(key, "path", name, "a file in the data set's folder")
@@ -135,9 +145,8 @@ def _beside(path: Path, name: str, key: str) -> Path:
 
 
 def _time(table: TextTable, entry: TrialFile, drive: Drive, source: str) -> Series:
-    """Return the time stamps in s, checked against the length of the drive's blocks."""
-    scale = suffix_scale(source, "time", entry.time, TIME)
-    time = table.column(entry.time) * scale
+    """Return the time stamps, s, shape (n,), after they were checked."""
+    time = table.column(entry.time) * suffix_scale(source, "time", entry.time, TIME)
     blank = np.flatnonzero(~np.isfinite(time))
     if len(blank):
         raise GaitoptError(f"{table.source}: line {table.first_line + blank[0]}: {entry.time} is missing")
@@ -145,22 +154,26 @@ def _time(table: TextTable, entry: TrialFile, drive: Drive, source: str) -> Seri
     if len(backward):
         line, at = table.first_line + backward[0] + 1, time[backward[0] :]
         raise GaitoptError(f"{table.source}: line {line}: time goes backward, from {at[0]:g} to {at[1]:g} s")
+    _check_length(time, f"{table.source}", entry.time, drive)
+    return time
+
+
+def _check_length(time: Series, source: str, column: str, drive: Drive) -> None:
+    """Check that a recording has enough blocks of its drive, and enough samples a block."""
     steps = np.diff(time)
     frame = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     block, noun = drive.block_s, "block" if drive.period_s is None else "cycle"
     if time[-1] - time[0] + frame < _WHOLE_BLOCKS * block * (1.0 - 1e-9):
-        raise GaitoptError(
-            f"{table.source}: {time[-1] - time[0]:.4g} s are fewer than two {noun}s of {block:g} s"
-        )
+        raise GaitoptError(f"{source}: {time[-1] - time[0]:.4g} s are fewer than two {noun}s of {block:g} s")
     if frame > block / _SAMPLES_PER_BLOCK:
         raise GaitoptError(
-            f"{table.source}: {entry.time}: samples {frame:.4g} s apart are fewer than {_SAMPLES_PER_BLOCK} "
+            f"{source}: {column}: samples {frame:.4g} s apart are fewer than {_SAMPLES_PER_BLOCK} "
             f"a {noun} of {block:g} s; are they milliseconds?"
         )
-    return time
 
 
 def _series(table: TextTable, signal: str, column: str, source: str) -> Series:
+    """Return a measured signal, m or rad, shape (n,); NaN where its cell is blank."""
     if column not in table.head:
         raise unknown_name(f"{source}: signals.{signal}: {table.source}", "column", column, table.head)
     scale = suffix_scale(source, f"signals.{signal}", column, UNITS[kind_of(signal)])
