@@ -1,0 +1,70 @@
+"""Help, exit codes and unexpected errors of all commands."""
+
+import math
+from pathlib import Path
+
+import pytest
+from commandline import Run
+from helpers import STRIDER
+
+from gaitopt.optimise.executors import open_executor
+
+COMMANDS = ["optimise", "simulate", "sweep", "compare", "check", "model", "command"]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_shows_an_example(gaitopt: Run, command: str) -> None:
+    code, out, err = gaitopt(command, "--help")
+    assert (code, err) == (0, "")
+    assert f"example: gaitopt {command} " in out
+
+
+def test_help_and_version(gaitopt: Run) -> None:
+    code, out, _ = gaitopt("--help")
+    assert code == 0
+    assert all(command in out for command in COMMANDS)
+    code, out, _ = gaitopt("--version")
+    assert code == 0
+    assert out.startswith("gaitopt ")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["optimse", "arcfold"],
+        ["optimise"],
+        ["optimise", "arcfold", "--budget", "many"],
+        ["simulate", "arcfold"],
+        ["simulate", "arcfold", "square-1s", "--set", "mass"],
+        ["simulate", "arcfold", "square-1s", "--set", "mass=heavy"],
+        ["sweep", "arcfold"],
+        ["model", "arcfold"],
+        ["command", "arcfold", "square-1s"],
+    ],
+)
+def test_wrong_usage_is_one_line_and_exit_2(gaitopt: Run, arguments: list[str]) -> None:
+    code, out, err = gaitopt(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("gaitopt: ")
+    assert err.count("\n") == 1
+    assert "--help" in err
+    assert list(Path().iterdir()) == []
+
+
+def test_an_unexpected_error_is_not_hidden(gaitopt: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only stated problems become a line; a bug stays a traceback."""
+
+    def broken(*_: object) -> None:
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr("gaitopt.problem.problem.load_problem", broken)
+    with pytest.raises(RuntimeError, match="a bug"):
+        gaitopt("simulate", STRIDER, "square")
+
+
+def test_executors_are_those_of_the_help(gaitopt: Run) -> None:
+    for name in ("threads", "processes", "serial"):
+        with open_executor(name, 1) as executor:
+            assert executor.submit(math.sqrt, 4.0).result() == 2.0
+        assert name in gaitopt("optimise", "--help")[1]

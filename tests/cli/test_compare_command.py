@@ -1,0 +1,26 @@
+"""`gaitopt compare`: gaits over the same scenarios."""
+
+from pathlib import Path
+
+import pytest
+from commandline import Run, strictly
+from helpers import STRIDER
+
+
+def test_compare_is_over_the_same_scenarios(gaitopt: Run, finished: Path) -> None:
+    code, out, err = gaitopt("compare", STRIDER, "stride", "square", finished, "stride", "--json")
+    assert (code, err) == (0, "")
+    rows = strictly(out)["rows"]
+    assert [row["name"] for row in rows] == ["stride", "square", "best", "stride"]
+    for row in rows:
+        low, high = row["speed_ci90_m_s"]
+        assert low <= row["speed_m_s"] <= high
+    assert rows[3]["difference_ci90_m_s"] == [0.0, 0.0]
+    assert not rows[3]["more_than_noise"]
+    assert rows[1]["difference_m_s"] == pytest.approx(rows[1]["speed_m_s"] - rows[0]["speed_m_s"])
+    again = gaitopt("compare", STRIDER, "stride", "square", finished, "stride", "--json", "--workers", 1)
+    assert strictly(again[1])["rows"] == rows
+    other = gaitopt("compare", STRIDER, "stride", "square", finished, "stride", "--json", "--seed", 2)
+    assert strictly(other[1])["rows"] != rows
+    text = gaitopt("compare", STRIDER, "stride", "square")[1]
+    assert "more than noise" in text
