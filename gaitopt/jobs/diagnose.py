@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -41,6 +41,18 @@ class DiagnosisRun:
     explanation: tuple[str, ...]
     folder: Path | None
     fresh: Diagnosis | None
+
+    @property
+    def content(self) -> Mapping[str, object]:
+        """The content of ``diagnosis.json``.
+
+        Raises:
+            GaitoptError: it was changed since, or there is no folder.
+        """
+        written = read_diagnosis(self.folder) if self.folder else None
+        if written is None:
+            raise GaitoptError(f"{self.folder}: no {DIAGNOSIS_FILE}")
+        return written.content
 
     @property
     def diagnosis(self) -> Diagnosis:

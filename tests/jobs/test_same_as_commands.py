@@ -14,6 +14,7 @@ from gaitopt.problem.problem import Problem
 COMMAND_FILES = sorted(Path(commands.__file__).parent.glob("[a-z]*.py"))
 
 WORDS = {
+    "gaitopt.blind.kinds",
     "gaitopt.blind.scoring",  # sentences
     "gaitopt.diagnose.record.export",  # the record of import's options
     "gaitopt.export.formats",

@@ -68,10 +68,9 @@ def run(options: Options) -> None:
 def _print_run(done: DiagnosisRun, as_json: bool) -> None:
     from gaitopt.cli.display import print_report
     from gaitopt.core.json import to_json
-    from gaitopt.runs.diagnosis_folder import read_diagnosis
 
-    if as_json and done.folder is not None and (written := read_diagnosis(done.folder)):
-        print(to_json(written.content), end="")
+    if as_json:
+        print(to_json(done.content), end="")
         return
     print(done.answer)
     for sentence in done.explanation:
