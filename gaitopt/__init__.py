@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from gaitopt.plan.plan import Plan
     from gaitopt.problem.problem import Problem, load_problem
     from gaitopt.robot.trajectory import Trajectory
-    from gaitopt.simulation.check import Finding
+    from gaitopt.simulation.audit.finding import Finding
     from gaitopt.simulation.metrics import Metrics
 
 __all__ = [
@@ -170,7 +170,7 @@ _HOMES = {
         "load_problem",
     ),
     "gaitopt.robot.trajectory": ("Trajectory",),
-    "gaitopt.simulation.check": ("Finding",),
+    "gaitopt.simulation.audit.finding": ("Finding",),
     "gaitopt.simulation.metrics": ("Metrics",),
 }
 """Where the names of the public face are defined."""

@@ -89,7 +89,7 @@ def brief_studies() -> list[tuple[ModuleType, str, object]]:
     from gaitopt.optimise import settings as searching
     from gaitopt.plan import plan  # which most tests have no need to load
     from gaitopt.report import settings  # which most tests have no need to load
-    from gaitopt.simulation import check  # which most tests have no need to load
+    from gaitopt.simulation.audit import settings as auditing
 
     brief = functools.partial(plan.PlanSettings, n_samples=6, n_starts=(2, 1, 1), iterations=8)
     jerky = settings.FilmSettings(fps=2.0, loop_rates=(2.0,))
@@ -99,6 +99,6 @@ def brief_studies() -> list[tuple[ModuleType, str, object]]:
         *((experiment, name, few) for name, few in (("SECONDS", 1.0), ("_RANDOM", 1), ("_REFINED", 1))),
         (experiment, "_FINALISTS", 1),
         (correction, "DEFAULT", correction.CorrectionSettings(plan=brief(n_starts=(2, 1, 1), n_elites=3))),
-        (check, "_STARTS", 2),
+        (auditing, "DEFAULT", auditing.CheckSettings(starts=2)),
         (settings, "DEFAULT", settings.ReportSettings(dpi=40, film=jerky)),
     ]

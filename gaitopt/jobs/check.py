@@ -5,13 +5,14 @@ from __future__ import annotations
 from concurrent.futures import Executor
 
 from gaitopt.core.folders import check_new_or_empty
-from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.core.progress import OnProgress, silent
 from gaitopt.jobs.executor import opened
 from gaitopt.jobs.outputs import Out, out_folder
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation import check as checking
-from gaitopt.simulation.check import Finding
+from gaitopt.simulation.audit.finding import Finding
+from gaitopt.simulation.audit.settings import CheckSettings
 
 
 def check(
@@ -20,6 +21,7 @@ def check(
     executor: Executor | str = "threads",
     workers: int | None = None,
     out: Out = None,
+    settings: CheckSettings | None = None,
     on_progress: OnProgress = silent,
 ) -> list[Finding]:
     """Check a model for what would make its gaits mean nothing on a real robot.
@@ -30,6 +32,7 @@ def check(
             executor.
         workers: rollouts at once; all cores by default.
         out: a new or an empty folder for the page; nothing is written without it.
+        settings: limits and effort of the checks; by default those of the command.
         on_progress: called as each check begins.
 
     Returns:
@@ -42,7 +45,7 @@ def check(
     check_new_or_empty(folder)
     problem = carrying(problem)
     with opened(executor, workers) as pool:
-        findings = checking.check(problem, pool, lambda stage: on_progress(Progress(stage)))
+        findings = checking.check(problem, pool, settings, on_progress)
     if out is not None:
         from gaitopt.report.audit import write_audit
 

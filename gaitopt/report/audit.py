@@ -16,7 +16,7 @@ from gaitopt.report.page import Page, Picture, Section, Table, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.words import fidelity_text, names_of
 from gaitopt.runs.folder import new_folder, write_into
-from gaitopt.simulation.check import REMEDIES, Finding
+from gaitopt.simulation.audit.finding import FINDING_KINDS, Finding
 from gaitopt.simulation.labels import title_of
 from gaitopt.simulation.rollout import Simulator
 
@@ -94,7 +94,7 @@ def _remedy_table(findings: Sequence[Finding]) -> Table:
     count = Counter(finding.name for finding in findings)
     return Table(
         head=["finding", "times", "what to do"],
-        rows=[[title_of(kind), str(times), REMEDIES.get(kind, "")] for kind, times in count.items()],
+        rows=[[title_of(kind), str(times), FINDING_KINDS[kind].remedy] for kind, times in count.items()],
         words=(2,),
     )
 

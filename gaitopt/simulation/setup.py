@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.versions import versions_text
@@ -50,20 +50,39 @@ class RobotSetup:
         return RobotSetup(problem, tuple(scenarios), fidelity, key, versions_text())
 
 
-_simulators: dict[str, tuple[Simulator, Robot]] = {}
-_compiling = threading.Lock()
+@dataclass
+class _Slot:
+    """A place for a compiled robot, and the lock of whoever compiles it."""
+
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    compiled: tuple[Simulator, Robot] | None = None
+
+
+_slots: dict[str, _Slot] = {}
+_slots_lock = threading.Lock()
 
 
 def prepared(setup: RobotSetup) -> tuple[Simulator, Robot]:
-    """Return this process's simulator of a setup, compiled on first use."""
-    with _compiling:
-        if setup.key not in _simulators:
-            if setup.versions != versions_text():
-                raise GaitoptError(
-                    f"--executor: found a worker with {versions_text()}; allowed: {setup.versions}, as here"
-                )
-            while len(_simulators) >= _KEPT:
-                del _simulators[next(iter(_simulators))]
+    """Return this process's simulator of a setup, compiled on first use.
+
+    Threads that ask for the same setup wait for one of them to compile it; others go on.
+
+    Raises:
+        GaitoptError: this process runs other versions than the setup asks for, or the model does not
+            compile.
+    """
+    if setup.versions != versions_text():
+        raise GaitoptError(
+            f"--executor: found a worker with {versions_text()}; allowed: {setup.versions}, as here"
+        )
+    with _slots_lock:
+        if setup.key not in _slots:
+            while len(_slots) >= _KEPT:
+                del _slots[next(iter(_slots))]
+            _slots[setup.key] = _Slot()
+        slot = _slots[setup.key]
+    with slot.lock:
+        if slot.compiled is None:
             simulator = Simulator.build(setup.problem, setup.scenarios, setup.fidelity)
-            _simulators[setup.key] = simulator, Robot.of(simulator.models[0])
-        return _simulators[setup.key]
+            slot.compiled = simulator, Robot.of(simulator.models[0])
+        return slot.compiled

@@ -12,7 +12,7 @@ from gaitopt.report.figures import audit as audit_figures
 from gaitopt.report.figures import comparison as comparison_figures
 from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.figures import search as search_figures
-from gaitopt.simulation.check import Finding
+from gaitopt.simulation.audit.finding import Finding
 from gaitopt.simulation.rollout import Simulator
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gaitopt.report.figures.style import COLOURS, finish, plain_ticks, single_panel
-from gaitopt.simulation.check import Finding
+from gaitopt.simulation.audit.finding import Finding
 from gaitopt.simulation.labels import title_of
 
 

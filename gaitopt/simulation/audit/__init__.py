@@ -1,0 +1,1 @@
+"""The checks of a model, one kind a file."""

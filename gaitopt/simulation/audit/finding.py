@@ -1,0 +1,104 @@
+"""A finding of the audit, and what to do about each kind."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class FindingKind:
+    """A kind of finding.
+
+    Attributes:
+        name: its name.
+        remedy: what to do about it.
+    """
+
+    name: str
+    remedy: str
+
+
+UNREST_AT_START = FindingKind(
+    "unrest_at_start",
+    "Let the robot settle under its start targets, and start there; look for overlapping geoms and for "
+    "springs that are not at rest.",
+)
+INERT_PARAMETER = FindingKind(
+    "inert_parameter",
+    "Make the parameter reach what it is meant to change, or take it out: whoever sets it believes a number "
+    "that does nothing.",
+)
+DIVERGED = FindingKind(
+    "diverged", "Take a smaller timestep, an implicit integrator, or softer or fewer contacts."
+)
+SELF_COLLISION = FindingKind(
+    "self_collision", "Exclude pairs of parts that are meant to touch, and move apart those that are not."
+)
+AIRTIME = FindingKind(
+    "airtime",
+    "A crawler does not fly: look for servos without a torque limit, masses and lengths in wrong units, and "
+    "contacts that throw.",
+)
+SIDEWAYS_DRIFT = FindingKind(
+    "sideways_drift",
+    "Look for what is not symmetric: contacts, inertias, start pose; or steer against it.",
+)
+CHAOS = FindingKind(
+    "chaos",
+    "Judge by means over many start poses, never by one rollout; leaps and self-collision cause it.",
+)
+COMMAND_NOT_FOLLOWED = FindingKind(
+    "command_not_followed",
+    "Make the gait slower or smaller, or the servo stronger, whichever is true to the robot; until then "
+    "commanded angles say little about motion.",
+)
+TIMESTEP_CONVERGENCE = FindingKind(
+    "timestep_convergence",
+    "Take a smaller timestep or another integrator until halving it changes nothing.",
+)
+
+_KINDS = (
+    UNREST_AT_START,
+    INERT_PARAMETER,
+    DIVERGED,
+    SELF_COLLISION,
+    AIRTIME,
+    SIDEWAYS_DRIFT,
+    CHAOS,
+    COMMAND_NOT_FOLLOWED,
+    TIMESTEP_CONVERGENCE,
+)
+
+FINDING_KINDS: dict[str, FindingKind] = {kind.name: kind for kind in _KINDS}
+"""Every kind of finding by name."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One defect of a model.
+
+    Attributes:
+        name: its kind.
+        gait: the gait that shows it; empty for the model itself.
+        value: the figure found.
+        limit: the figure allowed.
+        message: what was found, in words.
+        parameter: the named parameter that does nothing; empty for other kinds.
+    """
+
+    name: str
+    gait: str
+    value: float
+    limit: float
+    message: str
+    parameter: str = ""
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        return FINDING_KINDS[self.name].remedy
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the finding for a JSON file."""
+        return asdict(self)

@@ -1,0 +1,52 @@
+"""Limits and effort of the audit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """Limits and effort of the audit; every limit of effort is a count.
+
+    Attributes:
+        rest_s: how long the robot is held at its start, s.
+        rest_marker_m_s: fastest marker of a robot at rest, m/s: the contract of the keyframe ``start``.
+        rest_joint_rad_s: fastest joint of a robot at rest, rad/s: likewise.
+        parameter_change: factor by which a named parameter is changed to see whether it acts.
+        parameter_at_zero: value tried instead for a parameter that is 0.
+        parameter_s: shortest rollout in which it must act, s.
+        airtime: largest share of time in flights: a crawler does not fly.
+        sideways_ratio: largest sideways over forward travel.
+        reached: smallest share of its commanded travel that a joint goes through.
+        nudge_rad: standard deviation of the start pose's change that shows chaos, rad.
+        growth: largest ratio of the paths' distance to the nudge, in lengths of the path: a calm robot
+            forgets a nudge of a millionth of a radian, or multiplies it by less than this.
+        timestep_change: largest change of the mean speed when the timestep is halved, as a share of it.
+        timestep_floor_m_s: largest such change whatever the speed, m/s.
+        starts: perturbed starts of which the mean speed is taken.
+        start_spread_rad: standard deviation of their poses, rad.
+        step_budget: steps that the check of the timestep may take for a gait before it makes do with
+            fewer starts.
+    """
+
+    rest_s: float = 5.0
+    rest_marker_m_s: float = 1e-4
+    rest_joint_rad_s: float = 1e-3
+    parameter_change: float = 1.1
+    parameter_at_zero: float = 1e-3
+    parameter_s: float = 2.0
+    airtime: float = 0.02
+    sideways_ratio: float = 0.5
+    reached: float = 0.95
+    nudge_rad: float = 1e-6
+    growth: float = 1e3
+    timestep_change: float = 0.05
+    timestep_floor_m_s: float = 5e-4
+    starts: int = 16
+    start_spread_rad: float = 5e-3
+    step_budget: int = 500_000
+
+
+DEFAULT = CheckSettings()
+"""What `gaitopt check` uses."""
