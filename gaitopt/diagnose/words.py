@@ -15,8 +15,9 @@ _WORTH_SAYING = 0.15
 """Share of a signal's squared gap from which a component is put into words."""
 
 _SAME_SIZE = 0.04
+"""A stride whose size differs by less than this share counts as equally large."""
 
-_PARTS = {
+_FLOOR_PARTS = {
     "spread": "cycles that differ",
     "noise": "measurement noise",
     "start_pose": "the start pose",
@@ -45,15 +46,14 @@ def answer(diagnosis: Diagnosis) -> str:
 
 _VERDICTS = {
     "explained": "The gap is explained by {0}.",
-    "ambiguous": "These trials cannot tell what causes the gap: {0}, or {1}.",
-    "partly_explained": "{0} explains a part of the gap only; something else is at work.",
-    "unexplained": "No effect of the library explains the gap of trials that it was not fitted to; the best "
-    "of them is {0}.",
+    "ambiguous": "These trials cannot tell which effect causes the gap: {0}, or {1}.",
+    "partly_explained": "{0} explains only a part of the gap; there is another cause.",
+    "unexplained": "No effect of the library explains the gap of held-out trials. The best of them is {0}.",
 }
 
 
 def _who(diagnosis: Diagnosis) -> tuple[str, str]:
-    """Return the cause with its parameter, and what cannot be told from it."""
+    """Return the cause with its parameter, and the effects that the trials cannot separate from it."""
     found = diagnosis.found
     if found is None or found.best is None:
         return "", ""
@@ -75,7 +75,7 @@ def _before_after(gap: Gap) -> str:
 
 
 def _ranking(diagnosis: Diagnosis) -> list[str]:
-    """Return the most probable effects, why some cannot be told apart, and what to measure next."""
+    """Return the most probable effects, which of them are alike, and what to measure next."""
     found = diagnosis.found
     if found is None or found.best is None:
         return []
@@ -91,11 +91,11 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
         if row["name"] not in best.names:
             text += f"; its signature and that of {best.label} have a cosine of {row['alike']:.2f}"
         sentences.append(f"{text}.")
-    sentences.append(f"Something outside the library is {found.other_probability:.0%} probable.")
+    sentences.append(f"A cause outside the library is {found.other_probability:.0%} probable.")
     if found.uneven > UNEVEN:
         sentences.append(
             f"The recorded cycles differ from one another {found.uneven:.0f} times as much as simulated "
-            "ones: something acts in some of them and not in others."
+            "ones: something acts in some cycles and not in others."
         )
     if diagnosis.experiment is not None:
         period = diagnosis.experiment.gait.period_s
@@ -104,14 +104,14 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
 
 
 def what_it_tells(experiment: Experiment) -> str:
-    """Return what the next experiment is expected to tell, and what no gait does."""
+    """Return which effects the next experiment is expected to separate, and which no gait separates."""
     first, *others = experiment.separates
     text = (
-        f"On it {first} and {' or '.join(others)} differ by {experiment.separation:.1f} floors (on the gaits "
-        f"measured so far by {experiment.before:.1f})."
+        f"On this gait, {first} and {' or '.join(others)} differ by {experiment.separation:.1f} floors; on "
+        f"the gaits measured so far, by {experiment.before:.1f}."
     )
     for one, other in experiment.inseparable:
-        text += f" No gait that was tried tells {one} from {other}: measure another signal for that."
+        text += f" No gait that was tried separates {one} from {other}: measure another signal for that."
     return text
 
 
@@ -140,7 +140,7 @@ def _trial(trial: TrialGap) -> str:
     else:
         gap = "no marker was measured"
     if ratio <= 1.0:
-        verdict = "the floor exceeds the gap, so this trial is not used to blame anything"
+        verdict = "the gap is below the floor, so this trial is not used to find a cause"
     elif ratio <= SIGNIFICANT:
         verdict = f"{worst} is {ratio:.1f} times its floor, which is not significant"
     else:
@@ -153,9 +153,9 @@ def _main_part(trial: TrialGap) -> str:
     sums: dict[str, float] = {}
     for name, floor in trial.floors.items():
         if is_marker(name):
-            for part in _PARTS:
+            for part in _FLOOR_PARTS:
                 sums[part] = sums.get(part, 0.0) + (getattr(floor, part) or 0.0) ** 2
-    return _PARTS[max(sums, key=lambda part: sums[part])]
+    return _FLOOR_PARTS[max(sums, key=lambda part: sums[part])]
 
 
 def _components(part: Split) -> str:
@@ -172,18 +172,18 @@ def _what(part: Split, component: str) -> str:
             return " (it drifts from the simulated path)"
         measured, simulated = part.travel
         return (
-            f" (net travel {_length(part, measured)} a cycle, simulated {_length(part, simulated)}, which "
-            f"the size of the stride, {part.size:.2f} times the simulated one, does not explain)"
+            f" (net travel {_length(part, measured)} a cycle, simulated {_length(part, simulated)}; the size "
+            f"of the stride, {part.size:.2f} times the simulated one, does not explain it)"
         )
     if component == "stride":
         if abs(part.size - 1.0) < _SAME_SIZE:
-            return " (it moves as far inside a cycle as simulated, but in another shape)"
+            return " (inside a cycle it moves as far as simulated, but with another shape)"
         return f" (inside a cycle it moves {part.size:.2f} times as far as simulated)"
     if component == "timing":
         late = "later" if part.delay_s > 0.0 else "earlier"
         return f" (it moves {1e3 * abs(part.delay_s):.0f} ms {late} than simulated)"
     if component == "transient":
-        return " (it starts otherwise than simulated)"
+        return " (it starts differently from the simulation)"
     return " (it differs from cycle to cycle, or samples jumped)"
 
 

@@ -118,23 +118,24 @@ def _cause_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
         "ranking": Picture(
             "Ranking of the effects",
             diagnosis_plots.ranking(found),
-            "What each effect, fitted, leaves of the trials that its fit did not see; shorter is better, and "
-            "1 is what a right model leaves. Error bars: 90 % interval of the difference to the first. An "
-            "effect whose bar is as short as the first one's cannot be told from it.",
+            "The error that each fitted effect leaves on trials that its fit did not see. Shorter is better; "
+            "a right model leaves 1. Error bars: 90 % interval of the difference from the first effect. If "
+            "the bar of another effect is as short, these trials cannot separate the two.",
         ),
         "profile": Picture(
             "Profile of the winner's parameter",
             diagnosis_plots.profile(found),
-            "The error along the winner's parameter, all else fitted. A sharp valley means that the data pin "
-            "the parameter down; a flat one that they hardly do. Shaded: its 90 % interval.",
+            "The error for each value of the winner's parameter, with all else fitted. In a sharp valley the "
+            "data determine the parameter well; in a flat one they hardly do. Shaded: its 90 % interval.",
         ),
     }
     if len(found.trial_set.sample_trials):
         pictures["corrected"] = Picture(
             "The gap before and after",
             diagnosis_plots.held_out(diagnosis, found),
-            "RMS error of the marker in each trial, on data that the fit did not see: nominal, and with the "
-            "most probable effect. The floor is what noise, start pose and timestep leave of a right model.",
+            "RMS error of the marker in each trial, on data that the fit did not see: for the nominal robot, "
+            "and with the most probable effect. The floor is the error that noise, start pose and timestep "
+            "leave even for a right model.",
         )
     return pictures
 
@@ -170,8 +171,8 @@ def _gap_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
         "map": Picture(
             "Where in the cycle",
             diagnosis_plots.gap_map(diagnosis),
-            "Where in the cycle the gap lies, drift removed, in multiples of the floor: bright cells are the "
-            "moments to look at, in that signal of that trial.",
+            "The gap at each moment of the cycle, without drift, in multiples of the floor. Bright cells are "
+            "the moments to look at, in that signal of that trial.",
         ),
     }
 
@@ -212,8 +213,8 @@ def _next_sections(folder: Path, diagnosis: Diagnosis) -> list[Section]:
     picture = Picture(
         "What to measure next",
         gait_plots.commanded(experiment.gait),
-        f"One cycle of the gait that leaves the least doubt. {what_it_tells(experiment)} Film it, add the "
-        "trial to the data set, and diagnose again.",
+        f"One cycle of the gait that separates the effects best. {what_it_tells(experiment)} Film it, add "
+        "the trial to the data set, and diagnose again.",
     )
     commands = [f"gaitopt export {folder} {folder}/next.toml --format micropython --out player"]
     return [
