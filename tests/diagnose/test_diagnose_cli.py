@@ -1,8 +1,8 @@
 """`gaitopt diagnose` and `gaitopt import` from the command line to their files."""
 
-import itertools
 import json
 import os
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +11,14 @@ from helpers import edited
 from planting import dataset, filmed, rollout
 
 from gaitopt.cli.app import main
-from gaitopt.diagnose import correction, diagnosis
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.progress import Progress
+from gaitopt.diagnose import correction
 from gaitopt.diagnose.correction import CorrectionSettings
-from gaitopt.diagnose.fit import fitting
-from gaitopt.problem.problem import load_problem
+from gaitopt.jobs import diagnose as jobs
+from gaitopt.jobs.diagnose import diagnose
+from gaitopt.jobs.outputs import Stopped
+from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.runs.folder import held
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
@@ -25,7 +29,7 @@ HARDWARE = Path(
 
 
 @pytest.fixture(scope="module")
-def trials(arcfold, tmp_path_factory):
+def trials(arcfold: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two short trials that a diagnosis is quick to read."""
     simulator = Simulator.build(arcfold, (Scenario(start_pose_rad=0.002, pose_seed=3),))
     columns = filmed(simulator.run(arcfold.baselines["square-1s"], duration=4.0))
@@ -33,7 +37,8 @@ def trials(arcfold, tmp_path_factory):
 
 
 @pytest.fixture
-def copied(trials, tmp_path):
+def copied(trials: Path, tmp_path: Path) -> Path:
+    """The same trials in a folder that a test may change."""
     folder = tmp_path / "trials"
     folder.mkdir()
     for path in trials.iterdir():
@@ -41,7 +46,9 @@ def copied(trials, tmp_path):
     return folder
 
 
-def test_a_run_folder_with_everything_in_it(trials, tmp_path, capsys):
+def test_a_run_folder_with_everything_in_it(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
     assert main(["diagnose", "arcfold", str(trials), "--out", str(out), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
@@ -68,7 +75,9 @@ def test_a_run_folder_with_everything_in_it(trials, tmp_path, capsys):
     assert page.count("data:image/png;base64") == 3
 
 
-def test_in_words_and_the_same_every_time(trials, tmp_path, capsys):
+def test_in_words_and_the_same_every_time(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for number, workers in enumerate(("1", "2")):
         out = tmp_path / f"out{number}"
         arguments = ["diagnose", "arcfold", str(trials), "--out", str(out), "--workers", workers]
@@ -91,8 +100,14 @@ def test_in_words_and_the_same_every_time(trials, tmp_path, capsys):
     ],
 )
 def test_bad_data_is_one_line_and_leaves_nothing(
-    copied, in_a_folder_of_its_own, capsys, file, old, new, said
-):
+    copied: Path,
+    in_a_folder_of_its_own: Path,
+    capsys: pytest.CaptureFixture[str],
+    file: str,
+    old: str,
+    new: str,
+    said: str,
+) -> None:
     edited(copied / file, old, new)
     if new == "t_s,x_feet":
         edited(copied / "dataset.toml", '"x_m"', '"x_feet"')
@@ -104,7 +119,9 @@ def test_bad_data_is_one_line_and_leaves_nothing(
     assert list(in_a_folder_of_its_own.iterdir()) == []
 
 
-def test_a_recording_of_nothing_but_outliers_is_one_line(copied, tmp_path, capsys):
+def test_a_recording_of_nothing_but_outliers_is_one_line(
+    copied: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     lines = (copied / "fast.csv").read_text().splitlines()
     cells = [line.split(",") for line in lines]
     for row in cells[31:]:
@@ -115,14 +132,16 @@ def test_a_recording_of_nothing_but_outliers_is_one_line(copied, tmp_path, capsy
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_holds_something_is_refused_at_once(trials, tmp_path, capsys):
+def test_a_folder_that_holds_something_is_refused_at_once(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "mine.txt").write_text("mine")
     assert main(["diagnose", "arcfold", str(trials), "--out", str(tmp_path)]) == 1
     assert "is not empty" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
-def test_another_robot(strider, tmp_path, capsys):
+def test_another_robot(strider: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     simulator = Simulator.build(strider, (Scenario(start_pose_rad=0.002, pose_seed=3),))
     trajectory = simulator.run(strider.baselines["stride"], duration=4.0)
     columns = filmed(trajectory, signals=("marker.y", "marker.z"))
@@ -132,7 +151,7 @@ def test_another_robot(strider, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["verdict"] == "no_gap"
 
 
-def test_import_then_diagnose(arcfold, tmp_path, capsys):
+def test_import_then_diagnose(arcfold: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     trajectory = Simulator.build(arcfold).run(arcfold.baselines["square-1s"], duration=4.0)
     time = np.arange(0.0, 4.0, 0.04)
     x, z = (np.interp(time, trajectory.time, trajectory[f"marker.{axis}"]) for axis in "xz")
@@ -149,24 +168,28 @@ def test_import_then_diagnose(arcfold, tmp_path, capsys):
     assert "is not empty; allowed: a new or an empty folder" in capsys.readouterr().err
 
 
-def test_import_refuses_a_frame_rate_of_nothing(tmp_path, capsys):
+def test_import_refuses_a_frame_rate_of_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["import", "walk.csv", "--gait", "g", "--out", str(tmp_path / "out"), "--fps", "0"]
     assert main(arguments) == 1
     assert "--fps: found 0" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(not HARDWARE.is_dir(), reason=f"no real trials in {HARDWARE} (GAITOPT_HARDWARE_DATA)")
-def test_the_real_trials(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(diagnosis, "propose", lambda *_: None)  # other trials show them, in less time
+@pytest.fixture
+def brief(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No search for gaits of the corrected robot, which takes seconds."""
     monkeypatch.setattr(correction, "DEFAULT", CorrectionSettings(periods_s=(), gaits=0))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not HARDWARE.is_dir(), reason=f"no real trials in {HARDWARE} (GAITOPT_HARDWARE_DATA)")
+def test_the_real_trials(arcfold: Problem, tmp_path: Path, brief: None) -> None:
     trials = {}
     for name in ("4s", "1s"):
         table = np.genfromtxt(HARDWARE / f"gait-{name}.csv", delimiter=",", names=True)
         trials[name] = (f"square-{name}", {"t_s": table["t_s"], "x_m": table["x_m"]})
-    folder = dataset(tmp_path / "trials", trials)
-    few = ["--effects", "ground_slope"]
-    assert main(["diagnose", "arcfold", str(folder), "--out", str(tmp_path / "out"), "--json", *few]) == 0
-    found = json.loads(capsys.readouterr().out)
+    folder, out = dataset(tmp_path / "trials", trials), tmp_path / "out"
+    diagnose(arcfold, folder, effects=["ground_slope"], next_gait=False, out=out)
+    found = json.loads((out / "diagnosis.json").read_text())
     assert {(row["trial"], row["name"]) for row in found["defects"]} >= {
         ("4s", "marker_outliers"),
         ("1s", "clock_rounding"),
@@ -180,51 +203,70 @@ def test_the_real_trials(tmp_path, capsys, monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def sloped(arcfold, tmp_path_factory):
+def sloped(arcfold: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short trial on a slope: a gap that takes fits to explain."""
     columns = filmed(rollout(arcfold, "square-2s", 5.0, {"ground_slope": {"angle_rad": 0.08}}))
     return dataset(tmp_path_factory.mktemp("data") / "sloped", {"slow": ("square-2s", columns)})
 
 
-def test_an_interrupted_diagnosis_goes_on_to_the_same_bits(sloped, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(diagnosis, "propose", lambda *_: None)  # which are not kept: they take seconds
-    monkeypatch.setattr(correction, "DEFAULT", CorrectionSettings(periods_s=(), gaits=0))
-    few = ["--effects", "ground_slope,camera_tilt", "--quiet"]
+@pytest.mark.slow
+def test_an_interrupted_diagnosis_goes_on_to_the_same_bits(
+    arcfold: Problem, sloped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], brief: None
+) -> None:
+    asked = partial(diagnose, arcfold, sloped, effects=["ground_slope", "camera_tilt"], next_gait=False)
     whole, halted = tmp_path / "whole", tmp_path / "halted"
-    assert main(["diagnose", "arcfold", str(sloped), "--out", str(whole), *few]) == 0
+    first, second = asked(out=whole).explanation[:2]
     assert not list(whole.glob("simulated-*"))
-    first, second = json.loads((whole / "diagnosis.json").read_text())["explanation"][:2]
     assert first.startswith("ground_slope (all)")
     assert "cosine" not in first
     assert second.startswith("camera_tilt (all)")
     assert "that of ground_slope have a cosine of" in second
-    simulated = fitting.predictions
-    count = itertools.count()
 
-    def pulled(*arguments):
-        if next(count) == 4:
+    def interrupt(progress: Progress) -> None:
+        if progress.done == 4:
             raise KeyboardInterrupt
-        return simulated(*arguments)
 
-    monkeypatch.setattr(fitting, "predictions", pulled)
-    capsys.readouterr()
-    assert main(["diagnose", "arcfold", str(sloped), "--out", str(halted), "--workers", "1", *few]) == 130
-    said = capsys.readouterr().err
-    assert f"stopped after 4 robots; go on with: gaitopt diagnose arcfold {sloped} --resume {halted}" in said
+    with pytest.raises(Stopped) as stopped:
+        asked(out=halted, workers=1, on_progress=interrupt)
+    assert stopped.value.folder == halted
+    assert int(stopped.value.done.removesuffix(" robots")) >= 4
     assert not (halted / "diagnosis.json").exists()
-    monkeypatch.setattr(fitting, "predictions", simulated)
-    other = ["diagnose", "arcfold", str(sloped), "--resume", str(halted), "--seed", "2", *few]
-    assert main(other) == 1
-    assert "nothing was simulated there with this problem" in capsys.readouterr().err
-    assert main(["diagnose", "arcfold", str(sloped), "--resume", str(halted), *few]) == 0
+    with pytest.raises(GaitoptError, match="nothing was simulated there with this problem"):
+        asked(resume=halted, seed=2)
+    asked(resume=halted)
     assert (halted / "diagnosis.json").read_bytes() == (whole / "diagnosis.json").read_bytes()
     assert {p.name for p in halted.iterdir()} == {p.name for p in whole.iterdir()}
-    capsys.readouterr()
-    assert main(["diagnose", "arcfold", str(sloped), "--resume", str(halted), "--json", *few]) == 0
+    assert main(["diagnose", "arcfold", str(sloped), "--resume", str(halted), "--json"]) == 0
     assert capsys.readouterr().out == (whole / "diagnosis.json").read_text()
 
 
-def test_two_diagnoses_cannot_share_a_folder(trials, tmp_path, capsys):
+def test_an_interrupted_diagnosis_says_how_to_go_on(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object, **__: object) -> None:
+        raise Stopped("4 robots", tmp_path / "halted")
+
+    monkeypatch.setattr(jobs, "diagnose", stopped)
+    few = ["--effects", "ground_slope,camera_tilt", "--quiet"]
+    assert main(["diagnose", "arcfold", str(trials), "--out", str(tmp_path / "halted"), *few]) == 130
+    line = f"go on with: gaitopt diagnose arcfold {trials} --resume {tmp_path / 'halted'}"
+    assert f"stopped after 4 robots; {line} --effects ground_slope,camera_tilt" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", ["[]", "{}", '{"answer": 1, "explanation": []}'])
+def test_a_changed_answer_is_one_line(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str
+) -> None:
+    (tmp_path / "diagnosis.json").write_text(content)
+    assert main(["diagnose", "arcfold", str(trials), "--resume", str(tmp_path)]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith(f"gaitopt: {tmp_path / 'diagnosis.json'}: ")
+    assert said.count("\n") == 1
+
+
+def test_two_diagnoses_cannot_share_a_folder(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
     out.mkdir()
     with held(out):
