@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from gaitopt.plan.plan import Plan
     from gaitopt.problem.problem import Problem, load_problem
     from gaitopt.robot.trajectory import Trajectory
+    from gaitopt.robot.warnings import silence_warnings
     from gaitopt.simulation.audit.finding import Finding
     from gaitopt.simulation.metrics import Metrics
 
@@ -89,6 +90,7 @@ __all__ = [
     "optimise",
     "plan",
     "read_gait",
+    "silence_warnings",
     "simulate",
     "sweep",
     "write_gait",
@@ -170,6 +172,7 @@ _HOMES = {
         "load_problem",
     ),
     "gaitopt.robot.trajectory": ("Trajectory",),
+    "gaitopt.robot.warnings": ("silence_warnings",),
     "gaitopt.simulation.audit.finding": ("Finding",),
     "gaitopt.simulation.metrics": ("Metrics",),
 }

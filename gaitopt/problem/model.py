@@ -63,6 +63,15 @@ def carrying(problem: Problem) -> Problem:
     return replace(problem, carried={problem.model_path.name: mjcf} | model_assets(problem))
 
 
+def content_of(problem: Problem) -> tuple[str, list[tuple[str, bytes]]]:
+    """Return the problem file and the files of its model: equal for two problems that simulate the same.
+
+    Args:
+        problem: a problem that carries its files; see `carrying`.
+    """
+    return problem.to_toml(problem.model_path.name), sorted((problem.carried or {}).items())
+
+
 def model_assets(problem: Problem) -> dict[str, bytes]:
     """Return the files that the MJCF names, by path from its folder.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.versions import versions_text
-from gaitopt.problem.model import carrying
+from gaitopt.problem.model import carrying, content_of
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
 from gaitopt.problem.robot import Robot
@@ -44,8 +44,7 @@ class RobotSetup:
     def of(problem: Problem, scenarios: Sequence[Scenario], fidelity: Fidelity) -> RobotSetup:
         """Return a robot in some scenarios with its key."""
         problem = carrying(problem)
-        file = problem.to_toml(problem.model_path.name)
-        content = (file, sorted((problem.carried or {}).items()), tuple(scenarios), repr(fidelity))
+        content = (*content_of(problem), tuple(scenarios), repr(fidelity))
         key = hashlib.sha256(repr(content).encode()).hexdigest()
         return RobotSetup(problem, tuple(scenarios), fidelity, key, versions_text())
 

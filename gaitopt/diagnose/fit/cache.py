@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gaitopt.core.files import write_with
 from gaitopt.core.versions import versions_text
 from gaitopt.diagnose.record.dataset import DataSet
-from gaitopt.problem.model import carrying
+from gaitopt.problem.model import carrying, content_of
 from gaitopt.simulation.rollout import Simulator
 
 Arrays = Mapping[str, NDArray[np.float64]]
@@ -34,9 +34,8 @@ class SimulationCache:
     @staticmethod
     def of(folder: Path, simulator: Simulator, dataset: DataSet, seed: int) -> SimulationCache:
         """Return the cache, in a folder, of all diagnoses that would simulate the same."""
-        problem = carrying(simulator.problem)
-        file = problem.to_toml(problem.model_path.name)
-        said = (versions_text(), file, sorted((problem.carried or {}).items()), simulator.fidelity, seed)
+        content = content_of(carrying(simulator.problem))
+        said = (versions_text(), *content, simulator.fidelity, seed)
         digest = hashlib.sha256(repr(said).encode())
         for trial in dataset.trials:
             entry = (
