@@ -49,3 +49,8 @@ def generator(seed: int, stream: int, *index: int) -> np.random.Generator:
         index: which of several draws of the stream, such as the number of a case.
     """
     return np.random.default_rng([seed, int(stream), *index])
+
+
+def seeded(*seed: int) -> np.random.Generator:
+    """Return the generator of a seed that was drawn or written elsewhere, such as that of a start pose."""
+    return np.random.default_rng(list(seed))

@@ -1,7 +1,7 @@
-"""Plans: gaits that are good for the reduced planar model, found in seconds and without MuJoCo's steps.
+"""Plans: gaits that are good for the reduced planar model, found in seconds, without steps of MuJoCo.
 
-A plan is a warm start. What it predicts is what a model without sideways motion, yaw, roll dynamics
-and landing can know; `planar` has the equations.
+A plan is a warm start. It predicts only what a model without sideways motion, yaw, roll dynamics and
+landing can; `planar` has the equations.
 """
 
 from __future__ import annotations
@@ -9,25 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import mujoco
 import numpy as np
 
 from gaitopt.core.errors import GaitoptError, unknown_name
+from gaitopt.core.streams import seeded
 from gaitopt.gait.gait import Channel, Gait
-from gaitopt.plan.planar import (
-    CHANNEL_STARTS,
-    N_GAIT,
-    Collocation,
-    GaitBounds,
-    PlanarModel,
-    PlanarParameters,
-    Vector,
-)
-from gaitopt.problem.model import build_model
+from gaitopt.plan.collocation import Collocation, Solution
+from gaitopt.plan.gait_vector import CHANNEL_STARTS, GaitBounds, Vector, gait_distance, random_gait
+from gaitopt.plan.parameters import planar_parameters
+from gaitopt.plan.planar import PlanarModel
 from gaitopt.problem.problem import Problem
-from gaitopt.problem.records import Planar
 
 Index = list[int]
 
@@ -35,7 +27,7 @@ MISSES = (
     "the planar model knows no sideways motion, yaw, roll dynamics or landing: it predicts gaits that "
     "drift too fast"
 )
-"""What to bear in mind with every predicted speed."""
+"""What every predicted speed leaves out."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +64,10 @@ class Elite:
     gait: Gait
     predicted_speed_m_s: float
 
+    def to_dict(self) -> dict[str, object]:
+        """Return the elite for a JSON file."""
+        return {"predicted_speed_m_s": self.predicted_speed_m_s, "gait": self.gait.to_dict()}
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -88,6 +84,18 @@ class Plan:
     dropped: tuple[str, ...]
     baselines: dict[str, float]
     creep: dict[str, float]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the plan for a JSON file."""
+        return {
+            "elites": [elite.to_dict() for elite in self.elites],
+            "baselines": [
+                {"name": name, "predicted_speed_m_s": speed, "creep_m_s": self.creep[name]}
+                for name, speed in self.baselines.items()
+            ],
+            "dropped": list(self.dropped),
+            "misses": MISSES,
+        }
 
 
 class Planner:
@@ -123,13 +131,25 @@ class Planner:
 
         At every width a solution counts only when plain integration of its gait confirms the
         collocated speed, whatever IPOPT's status: a point that IPOPT left at its limit is a gait like
-        any other. A start without a confirmed solution is dropped and said so.
+        any other. A start without a confirmed solution is dropped, with the reason.
         """
-        settings, bounds = self.settings, self.bounds
-        collocation = Collocation(
-            self.model, bounds, settings.n_intervals, settings.ramp, settings.iterations
+        found, dropped = self._optimised(self._starts())
+        width = self.settings.widths[-1]
+        baselines = {name: self.vector(gait) for name, gait in self.problem.baselines.items()}
+        return Plan(
+            self._elites(found),
+            dropped,
+            {name: self.model.speed(vector, width) for name, vector in baselines.items()},
+            {name: self.model.creep(vector, width) for name, vector in baselines.items()},
         )
-        points = {k: collocation.guess(s, settings.widths[0]) for k, s in enumerate(self._starts())}
+
+    def _optimised(self, starts: Sequence[Vector]) -> tuple[list[tuple[Vector, float]], tuple[str, ...]]:
+        """Return confirmed gait vectors with their speeds at the last width, m/s, and the dropped starts."""
+        settings = self.settings
+        collocation = Collocation(
+            self.model, self.bounds, settings.n_intervals, settings.ramp, settings.iterations
+        )
+        points = {k: collocation.guess(start, settings.widths[0]) for k, start in enumerate(starts)}
         found: list[tuple[Vector, float]] = []
         good: set[int] = set()
         failed: dict[int, str] = {}
@@ -140,24 +160,13 @@ class Planner:
                 solution = collocation.solve(points[k], width)
                 speed = self.model.speed(solution.gait, width)
                 if not confirmed(solution.speed, speed):
-                    failed[k] = (
-                        f"{1e3 * solution.speed:.1f} mm/s planned, {1e3 * speed:.1f} integrated "
-                        f"({solution.status})"
-                    )
+                    failed[k] = _reason(solution, speed)
                     continue
                 points[k], speeds[k] = solution.point, speed
                 good.add(k)
                 found.append((solution.gait, self.model.speed(solution.gait, settings.widths[-1])))
             running = sorted(speeds, key=lambda k: -speeds[k])
-        dropped = tuple(f"start {k}: {why}" for k, why in failed.items() if k not in good)
-        baselines = {name: self.vector(gait) for name, gait in self.problem.baselines.items()}
-        width = settings.widths[-1]
-        return Plan(
-            self._elites(found),
-            dropped,
-            {name: self.model.speed(vector, width) for name, vector in baselines.items()},
-            {name: self.model.creep(vector, width) for name, vector in baselines.items()},
-        )
+        return found, tuple(f"start {k}: {why}" for k, why in failed.items() if k not in good)
 
     def _elites(self, found: Iterable[tuple[Vector, float]]) -> tuple[Elite, ...]:
         chosen: list[tuple[Vector, float]] = []
@@ -169,7 +178,7 @@ class Planner:
 
     def _starts(self) -> list[Vector]:
         """Return the baselines, then the fastest of a random sample on a smooth model."""
-        settings, rng = self.settings, np.random.default_rng(self.settings.seed)
+        settings, rng = self.settings, seeded(self.settings.seed)
         baselines = [self.vector(gait) for gait in self.problem.baselines.values()]
         sample = [random_gait(self.bounds, rng) for _ in range(settings.n_samples)]
         speeds = [self.model.speed(gait, settings.widths[0]) for gait in sample]
@@ -218,125 +227,11 @@ class Planner:
         return space.decode(space.encode(Gait(float(vector[0]), ordered)), name)
 
 
-def planar_parameters(problem: Problem, section: Planar) -> PlanarParameters:
-    """Read the planar crawler off the compiled model, flat and with its pads retracted.
-
-    Raises:
-        GaitoptError: the section names a part that the MJCF does not have.
-    """
-    model = build_model(problem)
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-
-    def ids(kind: str, names: Sequence[str], count: int) -> Index:
-        known = [getattr(model, kind)(i).name for i in range(count)]
-        for name in names:
-            if name not in known:
-                raise unknown_name(f"{problem.source}: planar", kind, name, [n for n in known if n])
-        return [known.index(name) for name in names]
-
-    rear = ids("body", section.rear_bodies, model.nbody)
-    front = ids("body", section.front_bodies, model.nbody)
-    links = ids("body", section.links, model.nbody)
-    pads = ids("geom", [section.rear_pad, section.front_pad], model.ngeom)
-    floors = ids("geom", [section.rear_underside, section.front_underside], model.ngeom)
-    servo, foot = ids("actuator", [section.middle, section.rear_foot], model.nu)
-    middle, foot_joint = (int(model.actuator_trnid[i, 0]) for i in (servo, foot))
-    rear_mass, rear_x = _centre_of_mass(model, data, rear)
-    front_mass, front_x = _centre_of_mass(model, data, front)
-    length = 2.0 * model.geom_size[floors[0], 0]
-    edges = data.geom_xpos[floors, 0] - length / 2.0
-    stiffness, damping = _reflected_hinges(model, middle)
-    values = {
-        "rear_mass": rear_mass,
-        "front_mass": front_mass,
-        "arch_mass": model.body_mass.sum() - rear_mass - front_mass,
-        "link_length": data.xpos[links[1], 0] - data.xpos[links[0], 0],
-        "module_length": length,
-        "module_half_width": model.geom_size[floors[0], 1],
-        "rear_com": rear_x - edges[0],
-        "front_com": front_x - edges[1],
-        "rear_pad": data.geom_xpos[pads[0], 0] - edges[0],
-        "front_pad": data.geom_xpos[pads[1], 0] - edges[1],
-        "pad_half_width": model.geom_size[pads[0], 1],
-        "pad_half_thickness": model.geom_size[pads[0], 2],
-        "underside": data.xanchor[foot_joint, 2]
-        - data.geom_xpos[floors[0], 2]
-        + model.geom_size[floors[0], 2],
-        "mu_pad": model.geom_friction[pads[0], 0],
-        "mu_body": model.geom_friction[floors[0], 0],
-        "hinge_stiffness": stiffness,
-        "hinge_damping": damping,
-        "servo_gain": model.actuator_gainprm[servo, 0],
-        "servo_torque_limit": model.actuator_forcerange[servo, 1],
-        "servo_damping": model.dof_damping[model.jnt_dofadr[middle]],
-        "gravity": float(np.linalg.norm(model.opt.gravity)),
-    }
-    return PlanarParameters(**{key: float(value) for key, value in values.items()})
-
-
-def _centre_of_mass(model: mujoco.MjModel, data: mujoco.MjData, bodies: Index) -> tuple[float, float]:
-    """Return the mass of some bodies, kg, and the forward place of their centre, m."""
-    mass = model.body_mass[bodies]
-    return float(mass.sum()), float(mass @ data.xipos[bodies, 0] / mass.sum())
-
-
-def _reflected_hinges(model: mujoco.MjModel, middle: int) -> tuple[float, float]:
-    """Return stiffness and damping of the passive joints about the middle angle, through the couplings."""
-    stiffness = float(model.jnt_stiffness[middle])
-    damping = 0.0
-    for i in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT):
-        if model.eq_obj2id[i] == middle:
-            joint, ratio = model.eq_obj1id[i], model.eq_data[i, 1]
-            stiffness += float(ratio**2 * model.jnt_stiffness[joint])
-            damping += float(ratio**2 * model.dof_damping[model.jnt_dofadr[joint]])
-    return stiffness, damping
-
-
-def gait_distance(a: Vector, b: Vector) -> float:
-    """Return the root mean square difference of two gait vectors over natural scales.
-
-    Period by its logarithm, phases in cycles relative to the middle channel (going round), angles
-    by 90 degrees.
-    """
-    parts = [math.log(a[0] / b[0])]
-    for c in CHANNEL_STARTS:
-        turn = (a[c + 1] - a[2]) - (b[c + 1] - b[2])
-        parts += [a[c] - b[c], turn - round(turn)]
-        parts += [(a[c + 2] - b[c + 2]) * 2 / math.pi, (a[c + 3] - b[c + 3]) * 2 / math.pi]
-    return float(np.sqrt(np.mean(np.square(parts))))
-
-
-def random_gait(bounds: GaitBounds, rng: np.random.Generator) -> Vector:
-    """Return a gait vector within bounds: period log-uniform, commanded angles in range."""
-    gait = rng.uniform(bounds.lower, bounds.upper)
-    assert gait.shape == (N_GAIT,)
-    gait[0] = math.exp(rng.uniform(*np.log([bounds.lower[0], bounds.upper[0]])))
-    for i, c in enumerate(CHANNEL_STARTS):
-        low, high = bounds.angle_lower[i], bounds.angle_upper[i]
-        ends = np.sort(rng.uniform(low, high, 2))
-        at_rest, moved = ends if bounds.upper[c + 2] > 0 else ends[::-1]
-        gait[c + 2], gait[c + 3] = moved - at_rest, at_rest
-    return gait
-
-
 def confirmed(collocated: float, integrated: float) -> bool:
     """Return whether two speeds agree to a tenth and 1 mm/s."""
     return abs(integrated - collocated) <= 0.1 * abs(collocated) + 1e-3
 
 
-def plan_rows(plan: Plan) -> dict[str, Any]:
-    """Return a plan for a JSON file."""
-    return {
-        "elites": [
-            {"predicted_speed_m_s": elite.predicted_speed_m_s, "gait": elite.gait.to_dict()}
-            for elite in plan.elites
-        ],
-        "baselines": [
-            {"name": name, "predicted_speed_m_s": speed, "creep_m_s": plan.creep[name]}
-            for name, speed in plan.baselines.items()
-        ],
-        "dropped": list(plan.dropped),
-        "misses": MISSES,
-    }
+def _reason(solution: Solution, integrated: float) -> str:
+    """Return why a solution does not count: its speed, and what plain integration gives, mm/s."""
+    return f"{1e3 * solution.speed:.1f} mm/s planned, {1e3 * integrated:.1f} integrated ({solution.status})"

@@ -56,60 +56,18 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from gaitopt.core.interrupts import interrupts_held
+from gaitopt.plan.gait_vector import CHANNEL_STARTS, N_GAIT, Vector, to_ramps
+from gaitopt.plan.parameters import PlanarParameters
 
-Vector = NDArray[np.float64]
 Symbol = Any
 """A CasADi expression; the package has no types of its own."""
 
-CHANNEL_STARTS = (1, 6, 11)
-"""Where the middle, the rear foot's and the front foot's five numbers begin in a gait vector."""
-
-N_GAIT = 16
 N_STATE = 4
-STATE_SCALE = np.array([0.05, 1.0, 1.0, 1.0])  # kg m/s, rad, rad, rad
-SERVO_SHARPNESS = 6  # exponent of the smoothed torque limit
+"""Numbers of the state."""
 
-
-@dataclass(frozen=True)
-class PlanarParameters:
-    """The reduced crawler, SI units; lengths along the body from a module's rear edge."""
-
-    rear_mass: float  # kg
-    front_mass: float  # kg
-    arch_mass: float  # kg, all links
-    link_length: float  # m
-    module_length: float  # m
-    module_half_width: float  # m
-    rear_com: float  # m
-    front_com: float  # m
-    rear_pad: float  # m
-    front_pad: float  # m
-    pad_half_width: float  # m
-    pad_half_thickness: float  # m
-    underside: float  # m, of the body below the feet's axes
-    mu_pad: float
-    mu_body: float
-    hinge_stiffness: float  # N m/rad, of all hinges about the middle angle
-    hinge_damping: float  # N m s/rad, likewise
-    servo_gain: float  # N m/rad
-    servo_torque_limit: float  # N m
-    servo_damping: float  # N m s/rad
-    gravity: float  # m/s^2
-    contact_blur: float = 4e-4  # m
-    roll_blur: float = 0.02  # rad
-
-    @property
-    def mass(self) -> float:
-        """Total mass, kg."""
-        return self.rear_mass + self.front_mass + self.arch_mass
-
-    @property
-    def front_share(self) -> float:
-        """Mass that moves with the front module, kg."""
-        return self.front_mass + self.arch_mass / 2
+SERVO_SHARPNESS = 6
+"""Exponent of the smoothed torque limit."""
 
 
 @dataclass(frozen=True)
@@ -125,34 +83,6 @@ class Cycle:
     def stride(self) -> float:
         """Forward travel in the cycle, m."""
         return float(self.position[-1] - self.position[0])
-
-
-@dataclass(frozen=True)
-class GaitBounds:
-    """Box of gait vectors, and the angles that each servo may be sent to."""
-
-    lower: Vector  # (16,)
-    upper: Vector  # (16,)
-    angle_lower: Vector  # (3,) rad
-    angle_upper: Vector  # (3,) rad
-
-
-@dataclass(frozen=True)
-class Solution:
-    """What one call of IPOPT ended with."""
-
-    point: Vector  # unknowns of `Collocation`
-    speed: float  # m/s, collocated
-    status: str
-    iterations: int
-
-    @property
-    def gait(self) -> Vector:
-        """The gait vector, smoothing again and phases within a cycle."""
-        gait = to_smoothing(self.point[:N_GAIT])
-        for c in range(2, N_GAIT, 5):
-            gait[c] %= 1.0
-        return gait
 
 
 def _smooth_abs(value: Symbol, width: float) -> Symbol:
@@ -179,22 +109,6 @@ def channel_target(
     from_middle = ca.fabs(shifted - ca.floor(shifted) - 0.5)
     edge = ca.fmax(-0.5, ca.fmin(0.5, (from_middle - duty / 2) / ramp))
     return offset + amplitude * 0.5 * (1 - ca.sin(ca.pi * edge))
-
-
-def to_ramps(gait: Vector) -> Vector:
-    """Gait vector with each channel's smoothing replaced by its ramp in cycles."""
-    gait = np.array(gait, dtype=float)
-    for c in CHANNEL_STARTS:
-        gait[c + 4] *= min(gait[c], 1 - gait[c])
-    return gait
-
-
-def to_smoothing(ramped: Vector) -> Vector:
-    """Inverse of `to_ramps`."""
-    gait = np.array(ramped, dtype=float)
-    for c in CHANNEL_STARTS:
-        gait[c + 4] = min(1.0, gait[c + 4] / min(gait[c], 1 - gait[c]))
-    return gait
 
 
 class PlanarModel:
@@ -366,116 +280,3 @@ class PlanarModel:
         pad_slip = ca.sqrt(speed**2 + (sideways * pad_part) ** 2 + width**2)
         body_slip = ca.sqrt(speed**2 + (sideways * (1 - pad_part)) ** 2 + width**2)
         return speed * (pad / pad_slip + body / body_slip)
-
-
-class Collocation:
-    """Periodic optimal control of a `PlanarModel`: Radau IIA, two stages, third order.
-
-    Unknowns: the ramped gait (16) and, for each interval, the state at 1/3 and at
-    its end, over `STATE_SCALE`.  Period, duties, phases, amplitudes, offsets and
-    ramps are free within bounds, ramps no shorter than `ramp` (a square
-    edge has no gradient); the middle channel's phase stays where the start has
-    it, since shifting all phases alike changes nothing.
-    """
-
-    def __init__(
-        self, model: PlanarModel, bounds: GaitBounds, n_intervals: int, ramp: float, iterations: int
-    ):
-        self.model, self.bounds, self.n = model, bounds, n_intervals
-        self.ramp, self.iterations = ramp, iterations
-        self._build()
-        self._bound()
-
-    def solve(self, point: Vector, width: float) -> Solution:
-        """Optimise from a point at one friction width."""
-        lower, upper = self.lower.copy(), self.upper.copy()
-        lower[2] = upper[2] = point[2]
-        with interrupts_held():  # IPOPT would end this start for it, and the plan go on without
-            found = self.solver(
-                x0=np.clip(point, lower, upper),
-                p=width,
-                lbx=lower,
-                ubx=upper,
-                lbg=self.lower_g,
-                ubg=self.upper_g,
-            )
-        point = np.array(found["x"]).ravel()
-        stats = self.solver.stats()
-        return Solution(point, -float(found["f"]) / 10, stats["return_status"], stats["iter_count"])
-
-    def guess(self, gait: Vector, width: float) -> Vector:
-        """Unknowns on the integrated motion of a start, shape (16 + 8 n,)."""
-        ramped = to_ramps(gait)
-        for c in CHANNEL_STARTS:
-            ramped[c + 4] = max(ramped[c + 4], self.ramp)
-        motion = self.model.settled(ramped, width)
-        grid = motion.time / motion.time[-1]
-        ends = (np.arange(self.n) + 1) / self.n
-        rows = [
-            np.interp(at, grid, row) / scale
-            for at in (ends - 2 / 3 / self.n, ends)
-            for row, scale in zip(motion.state, STATE_SCALE, strict=True)
-        ]
-        return np.concatenate([ramped, np.array(rows).T.ravel()])
-
-    def _interval(self) -> Symbol:
-        before, stage, after = (ca.SX.sym(k, N_STATE) for k in ("before", "stage", "after"))
-        gait, start, width = ca.SX.sym("g", N_GAIT), ca.SX.sym("t"), ca.SX.sym("w")
-        h = 1 / self.n
-        scale = ca.DM(STATE_SCALE)
-        f1, v1, _ = self.model.flow(stage * scale, gait, start + h / 3, width)
-        f2, v2, _ = self.model.flow(after * scale, gait, start + h, width)
-        defects = ca.vertcat(
-            stage - before - h * (5 * f1 - f2) / 12 / scale,
-            after - before - h * (3 * f1 + f2) / 4 / scale,
-        )
-        travel = h * (3 * v1 + v2) / 4
-        return ca.Function("interval", [before, stage, after, gait, start, width], [defects, travel])
-
-    def _build(self) -> None:
-        n = self.n
-        unknowns, width = ca.MX.sym("x", N_GAIT + 2 * N_STATE * n), ca.MX.sym("w")
-        gait = unknowns[:N_GAIT]
-        states = ca.reshape(unknowns[N_GAIT:], 2 * N_STATE, n)
-        stages, ends = states[:N_STATE, :], states[N_STATE:, :]
-        before = ca.horzcat(ends[:, -1], ends[:, :-1])
-        starts = ca.DM(np.arange(n) / n).T
-        defects, travel = self._interval().map(n)(
-            before, stages, ends, ca.repmat(gait, 1, n), starts, ca.repmat(width, 1, n)
-        )
-        extremes = ca.vertcat(*[gait[c + 2] + gait[c + 3] for c in CHANNEL_STARTS])
-        room = ca.vertcat(*[ca.vertcat(gait[c], 1 - gait[c]) - gait[c + 4] for c in CHANNEL_STARTS])
-        problem = {
-            "x": unknowns,
-            "p": width,
-            "f": -10 * ca.sum2(travel) / gait[0],
-            "g": ca.vertcat(ca.vec(defects), extremes, room),
-        }
-        options: dict[str, Any] = {
-            "expand": True,
-            "print_time": False,
-            "ipopt.print_level": 0,
-            "ipopt.sb": "yes",
-            "ipopt.max_iter": self.iterations,
-            "ipopt.tol": 1e-4,
-            "ipopt.acceptable_tol": 1e-3,
-            "ipopt.acceptable_iter": 4,
-            "ipopt.mu_init": 1e-2,
-            "ipopt.honor_original_bounds": "yes",
-        }
-        self.solver = ca.nlpsol("plan", "ipopt", problem, options)
-
-    def _bound(self) -> None:
-        b, margin, slack = self.bounds, 0.2, 1e-6  # rad
-        low, high = to_ramps(b.lower), to_ramps(b.upper)
-        for c in CHANNEL_STARTS:
-            low[c + 1], high[c + 1] = -2.0, 3.0  # phases may wind
-            low[c + 4], high[c + 4] = self.ramp, 0.5
-        momentum = self.model.parameters.mass / STATE_SCALE[0]  # 1 m/s
-        state_low = np.tile([-momentum, *(b.angle_lower - margin)], 2 * self.n)
-        state_high = np.tile([momentum, *(b.angle_upper + margin)], 2 * self.n)
-        self.lower = np.concatenate([low, state_low])
-        self.upper = np.concatenate([high, state_high])
-        zeros = np.zeros(2 * N_STATE * self.n)
-        self.lower_g = np.concatenate([zeros, b.angle_lower + slack, np.zeros(6)])
-        self.upper_g = np.concatenate([zeros, b.angle_upper - slack, np.full(6, np.inf)])

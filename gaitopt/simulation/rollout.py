@@ -15,6 +15,7 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.streams import seeded
 from gaitopt.effects.active import RobotEffects
 from gaitopt.effects.added import control_columns
 from gaitopt.effects.effect import LOOP_INTERVAL_S
@@ -218,7 +219,7 @@ class Simulator:
 
     def observe(self, trajectory: Trajectory, seed: int = 0) -> Trajectory:
         """Return a trajectory as it would be measured: with the effects of camera, tracker and clock."""
-        return self.effects.observe(trajectory, self.models[0], np.random.default_rng(seed))
+        return self.effects.observe(trajectory, self.models[0], seeded(seed))
 
     def _simulate(self, time: Array, sent: Commands, scenario: int, poses: bool = False) -> Trajectory:
         """Simulate what is sent, on the clock `time`, from the start pose."""

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from gaitopt.core.streams import seeded
 from gaitopt.effects.active import RobotEffects
 from gaitopt.effects.added import with_added
 from gaitopt.problem.instruments import scalar_joints
@@ -48,7 +49,7 @@ def draw_scenarios(problem: Problem, count: int, seed: Iterable[int]) -> tuple[S
     The last is played as the servo gets it, where the problem says so (`ScenarioSpread.framed`).
     """
     spread = problem.file.scenarios
-    rng = np.random.default_rng(list(seed))
+    rng = seeded(*seed)
     scenarios = []
     for index in range(count):
         friction, strength = 1.0 + rng.uniform(-1.0, 1.0, 2) * (spread.friction, spread.servo_strength)
@@ -87,7 +88,7 @@ def disturb_start(batch: Batch, problem: Problem, scenario: Scenario) -> None:
     """Add a scenario's start-pose errors to the hinge joints, and turn a free first body about up."""
     model = batch.model
     qpos = batch.bind("qpos")[0]
-    rng = np.random.default_rng(scenario.pose_seed)
+    rng = seeded(scenario.pose_seed)
     hinges = [j for j in scalar_joints(model) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE)]
     errors = np.zeros(model.nq)
     errors[model.jnt_qposadr[hinges]] = scenario.start_pose_rad * rng.standard_normal(len(hinges))

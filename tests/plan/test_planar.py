@@ -10,18 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.plan.plan import Planner, PlanSettings, gait_distance, random_gait
-from gaitopt.plan.planar import (
-    N_GAIT,
-    N_STATE,
-    Collocation,
-    PlanarModel,
-    PlanarParameters,
-    Vector,
-    channel_target,
-    to_ramps,
-    to_smoothing,
-)
+from gaitopt.plan.collocation import Collocation
+from gaitopt.plan.gait_vector import N_GAIT, Vector, gait_distance, random_gait, to_ramps, to_smoothing
+from gaitopt.plan.parameters import PlanarParameters
+from gaitopt.plan.plan import Planner, PlanSettings
+from gaitopt.plan.planar import N_STATE, PlanarModel, channel_target
 from gaitopt.problem.problem import Problem, load_problem
 
 WIDTH = 0.01

@@ -18,12 +18,12 @@ def run(options: Options) -> None:
     from gaitopt.cli.display import print_rows
     from gaitopt.core.json import to_json
     from gaitopt.jobs.plan import plan
-    from gaitopt.plan.plan import MISSES, plan_rows
+    from gaitopt.plan.plan import MISSES
 
     problem = problem_of(options)
     found = plan(problem, seed=options.seed)
     if options.json:
-        print(to_json(plan_rows(found)), end="")
+        print(to_json(found.to_dict()), end="")
         return
     for line in found.dropped:
         print(f"dropped: {line}")
