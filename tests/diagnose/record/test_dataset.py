@@ -1,5 +1,7 @@
 """Data sets: what is read, in which units, and the one line that says what is wrong."""
 
+from __future__ import annotations
+
 import math
 import os
 from pathlib import Path
@@ -7,18 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import edited
-from hypothesis import given
-from hypothesis import strategies as st
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.gait.gait import write_gait
+from gaitopt.problem.problem import Problem
 
 KNOWN = ["marker.x", "marker.y", "marker.z", "joint.mid_left", "position.mid_act"]
 HARDWARE = Path(
-    os.environ.get("GAITOPT_HARDWARE_DATA", Path(__file__).parents[3] / "shared/data/arcfold-hardware")
+    os.environ.get("GAITOPT_HARDWARE_DATA", Path(__file__).parents[4] / "shared/data/arcfold-hardware")
 )
 
 ENTRY = """[[trial]]
@@ -33,7 +33,8 @@ time = "t_s"
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path: Path) -> Path:
+    """A data set of one trial of 3 s at 20 frames a second."""
     time = np.arange(0.0, 3.0, 0.05)
     rows = [f"{t:.3f},{20.0 * t:.4f},{90.0 * (t % 1.0 < 0.5):.1f}" for t in time]
     (tmp_path / "walk.csv").write_text("\n".join(["t_s,x_mm,bend_deg", *rows]) + "\n")
@@ -41,7 +42,8 @@ def folder(tmp_path):
     return tmp_path
 
 
-def refused(folder, problem):
+def refused(folder: Path, problem: Problem) -> str:
+    """The one line that says what is wrong with a data set."""
     with pytest.raises(GaitoptError) as caught:
         load_dataset(folder, problem, KNOWN)
     text = str(caught.value)
@@ -49,7 +51,7 @@ def refused(folder, problem):
     return text
 
 
-def test_units_come_from_the_columns_names(folder, arcfold):
+def test_units_come_from_the_columns_names(folder: Path, arcfold: Problem) -> None:
     (trial,) = load_dataset(folder, arcfold, KNOWN).trials
     assert trial.time[-1] == pytest.approx(2.95)
     assert trial.signals["marker.x"][-1] == pytest.approx(0.059)
@@ -59,7 +61,7 @@ def test_units_come_from_the_columns_names(folder, arcfold):
     assert all(used.all() for used in trial.used.values())
 
 
-def test_milliseconds(folder, arcfold):
+def test_milliseconds(folder: Path, arcfold: Problem) -> None:
     edited(folder / "dataset.toml", '"t_s"', '"t_ms"')
     lines = (folder / "walk.csv").read_text().replace("t_s", "t_ms").splitlines()
     scaled = [f"{1e3 * float(line.split(',')[0])},{line.partition(',')[2]}" for line in lines[1:]]
@@ -68,7 +70,7 @@ def test_milliseconds(folder, arcfold):
     assert trial.time[-1] == pytest.approx(2.95)
 
 
-def test_what_is_known_is_kept(folder, arcfold):
+def test_what_is_known_is_kept(folder: Path, arcfold: Problem) -> None:
     edited(
         folder / "dataset.toml",
         "[trial.signals]",
@@ -78,14 +80,14 @@ def test_what_is_known_is_kept(folder, arcfold):
     assert (trial.starts_at_s, trial.noise_m, trial.fps) == (-0.5, 1e-3, 20.0)
 
 
-def test_a_gait_file_beside_the_data_set(folder, arcfold):
+def test_a_gait_file_beside_the_data_set(folder: Path, arcfold: Problem) -> None:
     write_gait(folder / "slow.toml", arcfold.baselines["square-1s"].with_period(1.25))
     edited(folder / "dataset.toml", "square-1s", "slow.toml")
     (trial,) = load_dataset(folder, arcfold, KNOWN).trials
     assert trial.drive.period_s == 1.25
 
 
-def test_blank_samples_do_not_count_and_are_said(folder, arcfold):
+def test_blank_samples_do_not_count_and_are_said(folder: Path, arcfold: Problem) -> None:
     edited(folder / "walk.csv", "0.500,10.0000,0.0", "0.500,,0.0")
     edited(folder / "walk.csv", "0.550,11.0000,0.0", "0.550,NaN,0.0")
     (trial,) = load_dataset(folder, arcfold, KNOWN).trials
@@ -96,7 +98,7 @@ def test_blank_samples_do_not_count_and_are_said(folder, arcfold):
     assert "2 time stamps with a blank sample" in defect.message
 
 
-def test_several_samples_may_share_a_time_stamp(folder, arcfold):
+def test_several_samples_may_share_a_time_stamp(folder: Path, arcfold: Problem) -> None:
     edited(folder / "walk.csv", "0.550,11", "0.500,11")
     (trial,) = load_dataset(folder, arcfold, KNOWN).trials
     assert (np.diff(trial.time) == 0.0).sum() == 1
@@ -121,39 +123,41 @@ def test_several_samples_may_share_a_time_stamp(folder, arcfold):
         ("walk.csv", "x_mm", "t_s", "'t_s' stands there twice"),
     ],
 )
-def test_one_line_says_what_is_wrong(folder, arcfold, file, old, new, said):
+def test_one_line_says_what_is_wrong(
+    folder: Path, arcfold: Problem, file: str, old: str, new: str, said: str
+) -> None:
     edited(folder / file, old, new)
     assert said in refused(folder, arcfold)
 
 
 @pytest.mark.parametrize("column", ["x_px", "x", "x_inch", "x_deg", "_m"])
-def test_unknown_units(folder, arcfold, column):
+def test_unknown_units(folder: Path, arcfold: Problem, column: str) -> None:
     edited(folder / "dataset.toml", "x_mm", column)
     edited(folder / "walk.csv", "x_mm", column)
     text = refused(folder, arcfold)
     assert f"found {column!r}; allowed: a column whose name ends in its unit, _m, _cm, _mm" in text
 
 
-def test_fewer_than_two_cycles(folder, arcfold):
+def test_fewer_than_two_cycles(folder: Path, arcfold: Problem) -> None:
     edited(folder / "dataset.toml", "square-1s", "square-2s")
     assert "fewer than two cycles of 2 s" in refused(folder, arcfold)
 
 
-def test_two_cycles_to_the_last_frame_are_enough(folder, arcfold):
+def test_two_cycles_to_the_last_frame_are_enough(folder: Path, arcfold: Problem) -> None:
     path = folder / "walk.csv"
     path.write_text("\n".join(path.read_text().splitlines()[:41]))
     (trial,) = load_dataset(folder, arcfold, KNOWN).trials
     assert trial.time[-1] == pytest.approx(1.95)
 
 
-def test_no_number_at_all(folder, arcfold):
+def test_no_number_at_all(folder: Path, arcfold: Problem) -> None:
     path = folder / "walk.csv"
     rows = [line.split(",") for line in path.read_text().splitlines()]
     path.write_text("\n".join(",".join([a, b if i == 0 else "nan", c]) for i, (a, b, c) in enumerate(rows)))
     assert "column x_mm holds no number" in refused(folder, arcfold)
 
 
-def test_samples_too_far_apart_may_be_milliseconds(folder, arcfold):
+def test_samples_too_far_apart_may_be_milliseconds(folder: Path, arcfold: Problem) -> None:
     path = folder / "walk.csv"
     rows = [line.partition(",") for line in path.read_text().splitlines()]
     path.write_text(
@@ -162,31 +166,24 @@ def test_samples_too_far_apart_may_be_milliseconds(folder, arcfold):
     assert "are they milliseconds?" in refused(folder, arcfold)
 
 
-def test_a_gait_file_with_an_unknown_channel(folder, arcfold):
+def test_a_gait_file_with_an_unknown_channel(folder: Path, arcfold: Problem) -> None:
     write_gait(folder / "odd.toml", arcfold.baselines["square-1s"])
     edited(folder / "odd.toml", "channels.foot1", "channels.foot7")
     edited(folder / "dataset.toml", "square-1s", "odd.toml")
     assert "unknown channel 'foot7'" in refused(folder, arcfold)
 
 
-def test_two_trials_of_one_name(folder, arcfold):
+def test_two_trials_of_one_name(folder: Path, arcfold: Problem) -> None:
     (folder / "dataset.toml").write_text(2 * ENTRY)
     assert "'walk' stands there twice" in refused(folder, arcfold)
 
 
-def test_no_data_set_there(tmp_path, arcfold):
+def test_no_data_set_there(tmp_path: Path, arcfold: Problem) -> None:
     assert "no dataset.toml there" in refused(tmp_path / "nowhere", arcfold)
 
 
-@given(st.sampled_from([TIME, LENGTH, ANGLE]), st.data())
-def test_every_suffix_has_its_scale(units, data):
-    unit = data.draw(st.sampled_from(sorted(units)))
-    stem = data.draw(st.from_regex(r"[a-z]{1,5}(_[a-z]{1,3})?", fullmatch=True))
-    assert suffix_scale("file", "key", f"{stem}_{unit}", units) == units[unit]
-
-
 @pytest.mark.skipif(not HARDWARE.is_dir(), reason=f"no real trials in {HARDWARE} (GAITOPT_HARDWARE_DATA)")
-def test_the_real_trials_and_their_defects(tmp_path, arcfold):
+def test_the_real_trials_and_their_defects(tmp_path: Path, arcfold: Problem) -> None:
     text = ""
     for name in ("4s", "1s"):
         (tmp_path / f"gait-{name}.csv").symlink_to(HARDWARE / f"gait-{name}.csv")

@@ -1,6 +1,9 @@
-"""Importers: what tracking programs write, with their quirks, becomes a data set in SI units."""
+"""Importers: what tracking programs write becomes a data set in SI units."""
+
+from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,22 +18,26 @@ X = 0.5 + 0.25 * np.arange(COUNT)
 Y = -1.0 - 0.5 * np.arange(COUNT)
 
 
-def comma(value):
+def comma(value: float) -> str:
+    """A number with a decimal comma and a typographic minus sign."""
     return f"{value:.4f}".replace(".", ",").replace("-", "\N{MINUS SIGN}")
 
 
-def tracker_txt():
+def tracker_txt() -> str:
+    """An export of Tracker, as text with tabs."""
     rows = [f"{comma(t)}\t{comma(x)}\t{comma(y)}" for t, x, y in zip(TIME, X, Y, strict=True)]
     return "\n".join(["mass_A", "t\tx\ty", *rows])
 
 
-def tracker_csv():
+def tracker_csv() -> str:
+    """The same as a table with commas, one point missing."""
     rows = [f"{t:.3f},{i},{x},{y}," for i, (t, x, y) in enumerate(zip(TIME, X, Y, strict=True))]
     rows[3] = f"{TIME[3]:.3f},3,,,"
     return "\n".join([",mass A,,,", "t,frame,x,y,", *rows])
 
 
-def deeplabcut():
+def deeplabcut() -> str:
+    """An export of DeepLabCut with two points, one sample of the second unlikely."""
     head = [
         "scorer" + 6 * ",net",
         "bodyparts,tail,tail,tail,nose,nose,nose",
@@ -43,7 +50,8 @@ def deeplabcut():
     return "\n".join([*head, *rows])
 
 
-def sleap():
+def sleap() -> str:
+    """An analysis file of SLEAP, a frame and a point missing."""
     rows = [
         f",{i},0.9,{100 * x},{100 * y},0.8" if i != 2 else ",2,0.9,,,"
         for i, (x, y) in enumerate(zip(X, Y, strict=True))
@@ -52,12 +60,14 @@ def sleap():
     return "\n".join(["track,frame_idx,instance.score,nose.x,nose.y,nose.score", *rows])
 
 
-def kinovea():
+def kinovea() -> str:
+    """An export of Kinovea."""
     rows = [f'"{1e3 * t:g}";"{comma(x)}";"{comma(y)}"' for t, x, y in zip(TIME, X, Y, strict=True)]
     return "\n".join(['"Time";"foot/1/X";"foot/1/Y"', *rows])
 
 
-def plain():
+def plain() -> str:
+    """A plain table of a marker and a joint."""
     rows = [f"{t},{1e3 * x},{1e3 * y},{10 * i}" for i, (t, x, y) in enumerate(zip(TIME, X, Y, strict=True))]
     return "\n".join(["t_s,x_mm,z_mm,mid_left_deg", *rows])
 
@@ -65,7 +75,8 @@ def plain():
 PIXELS = ImportOptions(fps=25.0, scale_m_per_px=0.01, marker="nose")
 
 
-def written(folder, text, name="walk.csv"):
+def written(folder: Path, text: str, name: str = "walk.csv") -> Path:
+    """A file with this text."""
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
@@ -82,7 +93,9 @@ def written(folder, text, name="walk.csv"):
         (plain(), ImportOptions(), "plain CSV", 1, []),
     ],
 )
-def test_every_format(tmp_path, text, options, program, up, missing):
+def test_every_format(
+    tmp_path: Path, text: str, options: ImportOptions, program: str, up: int, missing: list[int]
+) -> None:
     motion = import_file(written(tmp_path, text), options)
     kept = [i for i in range(COUNT) if not (program == "SLEAP" and i == 6)]
     assert motion.program == program
@@ -94,21 +107,21 @@ def test_every_format(tmp_path, text, options, program, up, missing):
     np.testing.assert_allclose(motion.signals["marker.z"], z, atol=1e-9)
 
 
-def test_what_was_changed_is_said(tmp_path):
+def test_what_was_changed_is_said(tmp_path: Path) -> None:
     named = {defect.name for defect in import_file(written(tmp_path, deeplabcut()), PIXELS).defects}
     assert {"pixels", "unlikely_points", "gaps"} <= named
     named = {defect.name: defect for defect in import_file(written(tmp_path, sleap()), PIXELS).defects}
     assert "1 frame missing" in named["gaps"].message
 
 
-def test_other_joints_and_the_view_from_above(tmp_path):
+def test_other_joints_and_the_view_from_above(tmp_path: Path) -> None:
     motion = import_file(written(tmp_path, plain()), ImportOptions())
     np.testing.assert_allclose(motion.signals["joint.mid_left"], np.deg2rad(10.0 * np.arange(COUNT)))
     motion = import_file(written(tmp_path, tracker_txt()), ImportOptions(view="top", length_unit="cm"))
     np.testing.assert_allclose(motion.signals["marker.y"], 0.01 * Y)
 
 
-def test_kinovea_in_seconds(tmp_path):
+def test_kinovea_in_seconds(tmp_path: Path) -> None:
     motion = import_file(written(tmp_path, kinovea()), ImportOptions(time_unit="s"))
     np.testing.assert_allclose(motion.time, 1e3 * TIME)
 
@@ -131,13 +144,13 @@ def test_kinovea_in_seconds(tmp_path):
         ("mass_A\nt\tx\ty\n0\tone\t2\n", ImportOptions(), "line 3, column x: found 'one'"),
     ],
 )
-def test_one_line_says_what_is_wrong(tmp_path, text, options, said):
+def test_one_line_says_what_is_wrong(tmp_path: Path, text: str, options: ImportOptions, said: str) -> None:
     with pytest.raises(GaitoptError) as caught:
         import_file(written(tmp_path, text), options)
     assert said in str(caught.value)
 
 
-def test_a_data_set_of_several_files(tmp_path):
+def test_a_data_set_of_several_files(tmp_path: Path) -> None:
     files = [written(tmp_path, tracker_txt(), "a.txt"), written(tmp_path, tracker_csv(), "b.csv")]
     out = tmp_path / "trials"
     import_files(files, ["square-1s", "square-2s"], out, ImportOptions(sync_at_s=1.5))
@@ -148,7 +161,7 @@ def test_a_data_set_of_several_files(tmp_path):
     assert (out / "b.csv").read_text().splitlines()[4] == "0.12,,"
 
 
-def test_nothing_is_overwritten_or_left_half_written(tmp_path):
+def test_nothing_is_overwritten_or_left_half_written(tmp_path: Path) -> None:
     good, bad = written(tmp_path, tracker_txt(), "a.txt"), written(tmp_path, "what\n", "b.csv")
     out = tmp_path / "trials"
     with pytest.raises(GaitoptError, match="not an export"):
@@ -161,7 +174,7 @@ def test_nothing_is_overwritten_or_left_half_written(tmp_path):
     assert {path: path.read_bytes() for path in out.iterdir()} == before
 
 
-def test_one_gait_or_one_each(tmp_path):
+def test_one_gait_or_one_each(tmp_path: Path) -> None:
     file = written(tmp_path, tracker_txt())
     with pytest.raises(GaitoptError, match="found 2 for 1 files"):
         import_files([file], ["a", "b"], tmp_path / "out", ImportOptions())
