@@ -21,12 +21,17 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import Stream
 from gaitopt.core.versions import versions_text
 from gaitopt.gait.gait import Gait
+from gaitopt.optimise.cluster import DaskExecutor
 from gaitopt.optimise.evaluator import Evaluator, Outcome, assess
-from gaitopt.optimise.executors import ProcessExecutor, SerialExecutor, open_executor
+from gaitopt.optimise.executors import SerialExecutor, open_executor
+from gaitopt.optimise.processes import ProcessExecutor
 from gaitopt.optimise.quasi_random import quasi_random
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.setup import RobotSetup
+
+HERE = (Path(__file__).parents[2], Path(__file__).parents[1], Path(__file__).parent)
+"""Where workers of a cluster find the package, the helpers and this file."""
 
 TETRAHEDRON = b"v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 
@@ -96,6 +101,7 @@ def test_a_setting_needs_no_file(tmp_path: Path) -> None:
     assert expected.status == "ok"
 
 
+@pytest.mark.slow
 def test_a_run_folder_holds_the_meshes(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """So a run is resumed, and is a problem, when the problem it was made from is gone."""
     meshed(tmp_path / "robot")
@@ -130,6 +136,7 @@ def test_a_worker_of_another_version_is_refused(strider: Problem) -> None:
 # --- processes --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_killed_process_is_replaced_and_its_work_redone(strider: Problem, tmp_path: Path) -> None:
     expected = outcomes(strider, SerialExecutor())
     with open_executor("processes", 2) as executor:
@@ -139,6 +146,7 @@ def test_a_killed_process_is_replaced_and_its_work_redone(strider: Problem, tmp_
         assert killing.result() not in (first, os.getpid())
 
 
+@pytest.mark.slow
 def test_a_call_that_kills_every_process_is_one_line() -> None:
     with open_executor("processes", 1) as executor, pytest.raises(GaitoptError) as error:
         executor.submit(end, 0).result()
@@ -203,7 +211,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         [*begin, "--scheduler-file", str(file), "--no-dashboard"],
         *[[*work, "--nthreads", "1", "--nworkers", "1", "--no-dashboard"]] * 2,
     ]
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, HERE))}
     with (folder / "log").open("w") as log:
         running = [subprocess.Popen(c, cwd=folder, stdout=log, stderr=log, env=environment) for c in commands]
     try:
@@ -219,6 +227,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
             process.wait(20.0)
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_bits_though_a_worker_is_killed(
     strider: Problem, scheduler: str, tmp_path: Path
 ) -> None:
@@ -230,6 +239,7 @@ def test_a_cluster_gives_the_same_bits_though_a_worker_is_killed(
         assert killing.result() != os.getpid()
 
 
+@pytest.mark.slow
 def test_optimise_on_a_cluster(scheduler: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     arguments = ["optimise", str(ROBOTS / "strider"), "--budget", "6", "--quiet", "--out"]
     for name, executor in (("cluster", f"dask://{scheduler}"), ("here", "serial")):
@@ -242,13 +252,12 @@ def _clients() -> int:
     return sum(type(known).__module__ == "distributed.client" for known in gc.get_objects())
 
 
-def test_a_cluster_that_is_not_there_is_one_line(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gaitopt.optimise.executors._ANSWER_S", 0.3)
+def test_a_cluster_that_is_not_there_is_one_line(scheduler: str) -> None:
     gc.collect()
     before = _clients()
     for address in ("127.0.0.1:1", "nonsense", "127.0.0.1:port"):
         with pytest.raises(GaitoptError) as error:
-            open_executor(f"dask://{address}")
+            DaskExecutor(address, answer_s=0.3)
         assert str(error.value) == f"--executor: no dask scheduler answers at dask://{address}"
         assert _clients() == before  # one left over would be collected, and lock another's start, later
     with pytest.raises(GaitoptError, match=r"--workers: found 2; dask:// works with the workers it has"):

@@ -18,4 +18,4 @@ def test_an_import_leaves_mujoco_s_warnings_to_the_program() -> None:
 
 def test_the_command_line_and_its_workers_silence_them() -> None:
     assert "None" not in handler_after("from gaitopt.cli.app import main; main(['effects', 'arcfold'])")[-40:]
-    assert handler_after("from gaitopt.optimise.executors import _begin_worker; _begin_worker()") != "None\n"
+    assert handler_after("from gaitopt.optimise.processes import _begin_worker; _begin_worker()") != "None\n"
