@@ -18,8 +18,17 @@ def check_matches(model: mujoco.MjModel, problem: Problem) -> None:
         GaitoptError: the channels are not the model's actuators in order, an actuator is no position servo,
             a role names what the model lacks, or there is no keyframe or no body.
     """
-    source = problem.source
-    actuators = [model.actuator(i).name for i in range(model.nu)]
+    _check_actuators(model, problem)
+    _check_roles(model, problem)
+    if not problem.file.start.settle and START not in _names(model, "key", model.nkey):
+        raise unknown_name(problem.model_path, "keyframe", START, _names(model, "key", model.nkey))
+    if model.nbody < 2:
+        raise GaitoptError(f"{problem.model_path}: no body under the world")
+
+
+def _check_actuators(model: mujoco.MjModel, problem: Problem) -> None:
+    """Check that the channels are the model's actuators in order, and that these are position servos."""
+    source, actuators = problem.source, _names(model, "actuator", model.nu)
     for name in problem.channel_names:
         if name not in actuators:
             raise GaitoptError(
@@ -27,32 +36,24 @@ def check_matches(model: mujoco.MjModel, problem: Problem) -> None:
                 f"it has {', '.join(actuators) or 'none'}{nearest(name, actuators)}"
             )
     if problem.channel_names != actuators:
-        raise bad_value(
-            source,
-            "channels",
-            ", ".join(problem.channel_names),
-            f"the model's actuators in order: {', '.join(actuators)}",
-        )
+        found = ", ".join(problem.channel_names)
+        raise bad_value(source, "channels", found, f"the model's actuators in order: {', '.join(actuators)}")
     for name in actuators:
         if model.actuator(name).biastype[0] != mujoco.mjtBias.mjBIAS_AFFINE:
             raise bad_value(
                 problem.model_path, f"actuator {name}", "not a position servo", "position actuators"
             )
-    _check_names(
-        source,
-        "roles.marker",
-        "site",
-        [problem.roles.marker] if problem.roles.marker else [],
-        _names(model, "site", model.nsite),
-    )
+
+
+def _check_roles(model: mujoco.MjModel, problem: Problem) -> None:
+    """Check that the model has the sites, geoms and joints of the roles."""
+    source, roles = problem.source, problem.roles
+    marker = [roles.marker] if roles.marker else []
+    _check_names(source, "roles.marker", "site", marker, _names(model, "site", model.nsite))
     geoms = _names(model, "geom", model.ngeom)
-    _check_names(source, "roles.pads", "geom", problem.roles.pads, geoms)
-    _check_names(source, "roles.body", "geom", problem.roles.body, geoms)
-    _check_names(source, "roles.hinges", "joint", problem.roles.hinges, _names(model, "joint", model.njnt))
-    if not problem.file.start.settle and START not in _names(model, "key", model.nkey):
-        raise unknown_name(problem.model_path, "keyframe", START, _names(model, "key", model.nkey))
-    if model.nbody < 2:
-        raise GaitoptError(f"{problem.model_path}: no body under the world")
+    _check_names(source, "roles.pads", "geom", roles.pads, geoms)
+    _check_names(source, "roles.body", "geom", roles.body, geoms)
+    _check_names(source, "roles.hinges", "joint", roles.hinges, _names(model, "joint", model.njnt))
 
 
 def _names(model: mujoco.MjModel, kind: str, count: int) -> list[str]:
