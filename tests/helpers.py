@@ -84,8 +84,8 @@ def same_numbers(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
 
 def brief_studies() -> list[tuple[ModuleType, str, object]]:
     """What to set in which module so that jobs are brief: few starts, samples, pictures and pixels."""
-    from gaitopt.diagnose import correction  # which most tests have no need to load
-    from gaitopt.diagnose.judge import experiment
+    from gaitopt.diagnose import correction, diagnosis  # which most tests have no need to load
+    from gaitopt.diagnose.judge.settings import DiagnosisSettings, ExperimentSettings
     from gaitopt.optimise import settings as searching
     from gaitopt.plan import plan  # which most tests have no need to load
     from gaitopt.report import settings  # which most tests have no need to load
@@ -93,11 +93,11 @@ def brief_studies() -> list[tuple[ModuleType, str, object]]:
 
     brief = functools.partial(plan.PlanSettings, n_samples=6, n_starts=(2, 1, 1), iterations=8)
     jerky = settings.FilmSettings(fps=2.0, loop_rates=(2.0,))
+    quick = DiagnosisSettings(experiment=ExperimentSettings(seconds=1.0, random=1, refined=1, finalists=1))
     return [
         (plan, "PlanSettings", brief),
         (searching, "DEFAULT", searching.SearchSettings(plan=brief(), correlation_gaits=4)),
-        *((experiment, name, few) for name, few in (("SECONDS", 1.0), ("_RANDOM", 1), ("_REFINED", 1))),
-        (experiment, "_FINALISTS", 1),
+        (diagnosis, "diagnose", functools.partial(diagnosis.diagnose, settings=quick)),
         (correction, "DEFAULT", correction.CorrectionSettings(plan=brief(n_starts=(2, 1, 1), n_elites=3))),
         (auditing, "DEFAULT", auditing.CheckSettings(starts=2)),
         (settings, "DEFAULT", settings.ReportSettings(dpi=40, film=jerky)),

@@ -1,4 +1,4 @@
-"""Fits and benches without a simulator: effects that add a known direction to white rows."""
+"""Fits and sets of trials without a simulator: effects that add a known direction to white rows."""
 
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
@@ -7,22 +7,30 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gaitopt.diagnose.fit.fitting import Comparison, Fit, TrialSet
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
+from gaitopt.diagnose.fit.residual import WhitenedTrial
+from gaitopt.diagnose.fit.single import Fit
+from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.effects.parts import ALL
 
 
-def toy_bench(
-    rows: int, count: int, views: Sequence[Any] = (), problem: Any = None, trials: int = 1
+def toy_trials(
+    rows: int,
+    blocks: int,
+    whitened: Sequence[WhitenedTrial] = (),
+    channels: Sequence[str] = ("servo",),
+    trials: int = 1,
 ) -> TrialSet:
-    """Rows in so many blocks of one trial, two folds of them; or of more trials, each a fold."""
-    none, blocks = np.zeros(0, dtype=np.intp), np.repeat(np.arange(count), rows // count)
-    folds = tuple(np.array_split(np.arange(count), max(2, trials)))
-    of_trials = np.repeat(np.arange(trials), count // trials)
-    return TrialSet(problem, None, tuple(views), (), blocks, of_trials, none, none, folds)
+    """Rows in blocks of one trial, two folds of them; or of more trials, each a fold."""
+    none, of_rows = np.zeros(0, dtype=np.intp), np.repeat(np.arange(blocks), rows // blocks)
+    folds = tuple(np.array_split(np.arange(blocks), max(2, trials)))
+    of_trials = np.repeat(np.arange(trials), blocks // trials)
+    simulator: Any = SimpleNamespace(problem=SimpleNamespace(channel_names=tuple(channels)))
+    return TrialSet(simulator, tuple(whitened), (), of_rows, of_trials, none, none, folds)
 
 
-def toy_point(at: ArrayLike, whitened: np.ndarray) -> Comparison:
+def toy_comparison(at: ArrayLike, whitened: np.ndarray) -> Comparison:
+    """A robot that leaves some whitened residual, and no samples."""
     return Comparison(np.asarray(at, dtype=float), whitened, np.empty(0), np.empty(0))
 
 
@@ -35,11 +43,15 @@ def toy_fit(
     target: str = ALL,
     high: float = 1.0,
 ) -> Fit:
-    """The fit of an effect from 0 to so much, simulated here and there, that changes rows as predicted."""
+    """The fit of an effect from 0 to `high`, simulated at some coordinates."""
     kind = "none" if target == ALL else "any"
     effect: Any = SimpleNamespace(
-        name=name, target=kind, scale="lin", changes_robot=True, log_prior=lambda value, nominal: 0.0
+        name=name,
+        target=kind,
+        scale="lin",
+        parameter="size",
+        changes_robot=True,
+        log_prior=lambda value, nominal: 0.0,
     )
     hypothesis = Hypothesis(effect, target, 0.0, high, 0.0, cast(Any, None))
-    points = [toy_point([a], measured - predicted(a)) for a in at]
-    return Fit(hypothesis, trial_set, points)
+    return Fit(hypothesis, trial_set, [toy_comparison([a], measured - predicted(a)) for a in at])

@@ -12,14 +12,18 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
+from gaitopt.diagnose.fit.runner import Runner
 from gaitopt.diagnose.gap.align import align, pooled_marker_rms
 from gaitopt.diagnose.gap.floor import marker_floor, measure_floors
 from gaitopt.diagnose.gap.predict import predict
-from gaitopt.diagnose.gap.settings import DEFAULT, GapSettings
+from gaitopt.diagnose.gap.settings import GapSettings
 from gaitopt.diagnose.gap.where import GapShare, gap_shares
-from gaitopt.diagnose.judge.causes import Causes, find_causes
-from gaitopt.diagnose.judge.evidence import Gap, shrinkage
+from gaitopt.diagnose.judge.causes import Causes
+from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.experiment import Experiment, propose
+from gaitopt.diagnose.judge.find_causes import NominalGap, find_causes
+from gaitopt.diagnose.judge.gap import Gap, shrinkage
+from gaitopt.diagnose.judge.settings import DEFAULT, DiagnosisSettings
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import DataSet
 from gaitopt.diagnose.trial_gap import TrialGap, trial_gap
@@ -148,8 +152,8 @@ class Diagnosis:
             "ambiguous_with": list(self.found.ambiguous_with) if self.found else [],
             "other_probability": self.found.other_probability if self.found else None,
             "p_value": self.found.p_value if self.found else None,
-            "unevenness": self.found.uneven if self.found else None,
-            "effects": self.found.effects if self.found else [],
+            "unevenness": self.found.unevenness if self.found else None,
+            "effects": [row.to_dict() for row in self.found.effects] if self.found else [],
             "where": [share.to_dict() for share in self.where],
             "gap": gap_dict(self.gap),
             "gap_by_trial": [gap.to_dict() for gap in self.gap_by_trial],
@@ -166,6 +170,7 @@ def diagnose(
     executor: Executor,
     on_progress: OnProgress = silent,
     cache: SimulationCache | None = None,
+    settings: DiagnosisSettings = DEFAULT,
 ) -> Diagnosis:
     """Return where the gap lies, what causes it and what to measure next.
 
@@ -176,43 +181,41 @@ def diagnose(
         executor: where rollouts run.
         on_progress: called as it goes on.
         cache: keeps what is simulated, and returns what it has; None to keep nothing.
+        settings: tuning constants of all steps.
 
     Raises:
         GaitoptError: a trial has fewer than two cycles left, the simulation of its gait fails, or none of the
             effects asked for can be tried.
     """
-
-    def note(what: str, done: int, most: int) -> None:
-        on_progress(Progress(what, done, most or None, "robots"))
-
-    candidates = _candidates(simulator, dataset, request.effects)
-    note("measuring the floor", 0, 0)
-    located = locate(simulator, dataset, executor, request.seed)
+    tried = _hypotheses(simulator, dataset, request.effects)
+    on_progress(Progress("measuring the floor", unit="robots"))
+    located = locate(simulator, dataset, executor, request.seed, settings.gap)
     parts = [trial.aligned for trial in located.trials], [trial.floors for trial in located.trials]
-    floor_m, seed = located.located_gap.floor, request.seed
-    found = find_causes(simulator, *parts, floor_m, executor, seed, note, candidates, cache)
+    gap = NominalGap(simulator, *parts, located.located_gap.floor)
+    context = Context(Runner(executor, on_progress, cache), request.seed, settings)
+    found = find_causes(gap, tried, context)
     if found.verdict == "no_gap" or not request.next_gait:
         return replace(located, found=found)
-    note("looking for the next gait", found.robots, 0)
+    on_progress(Progress("looking for the next gait", found.n_robots, unit="robots"))
     drives = {trial.aligned.trial.drive.name: trial.aligned.trial.drive for trial in located.trials}
     signals = list(dict.fromkeys(name for trial in located.trials for name in trial.floors))
-    experiment = propose(simulator, found, list(drives.values()), signals, executor, seed)
+    experiment = propose(simulator, found, list(drives.values()), signals, context)
     return replace(located, found=found, experiment=experiment)
 
 
-def _candidates(simulator: Simulator, dataset: DataSet, effects: Collection[str] | None) -> list[Hypothesis]:
+def _hypotheses(simulator: Simulator, dataset: DataSet, effects: Collection[str] | None) -> list[Hypothesis]:
     """Return what is tried: every effect that applies and is asked for, on each of its targets."""
     known = any(trial.starts_at_s is not None for trial in dataset.trials)
     active = [one.effect.name for one in simulator.effects.active]
-    candidates = hypotheses(simulator.effects.nominal, simulator.problem.channel_names, known, active)
-    chosen = [one for one in candidates if effects is None or one.effect.name in effects]
+    applicable = hypotheses(simulator.effects.nominal, simulator.problem.channel_names, known, active)
+    chosen = [one for one in applicable if effects is None or one.effect.name in effects]
     if not chosen:
         raise GaitoptError("no effect can be tried: none of those asked for applies to this robot")
     return chosen
 
 
 def locate(
-    simulator: Simulator, dataset: DataSet, executor: Executor, seed: int, settings: GapSettings = DEFAULT
+    simulator: Simulator, dataset: DataSet, executor: Executor, seed: int, settings: GapSettings = DEFAULT.gap
 ) -> Diagnosis:
     """Return where the gap between a data set and the nominal robot lies.
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.split import Split
-from gaitopt.diagnose.judge.evidence import Gap
 from gaitopt.diagnose.judge.experiment import Experiment
+from gaitopt.diagnose.judge.gap import Gap
 from gaitopt.diagnose.judge.unevenness import UNEVEN
 from gaitopt.diagnose.trial_gap import SIGNIFICANT, TrialGap
 from gaitopt.robot.signals import is_marker
@@ -82,19 +82,19 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
     sentences = []
     best = found.best
     for row in found.effects[:4]:
-        parameter, figures = next(iter(row["parameters"].items()))
-        low, high = figures["ci90"]
+        estimate = row.parameter
+        low, high = estimate.ci90
         text = (
-            f"{row['name']} ({row['target']}): {row['probability']:.0%} probable, {parameter} = "
-            f"{figures['value']:.4g} ({low:.4g} to {high:.4g})"
+            f"{row.name} ({row.target}): {row.probability:.0%} probable, {estimate.name} = "
+            f"{estimate.value:.4g} ({low:.4g} to {high:.4g})"
         )
-        if row["name"] not in best.names:
-            text += f"; its signature and that of {best.label} have a cosine of {row['alike']:.2f}"
+        if row.name not in best.names:
+            text += f"; its signature and that of {best.label} have a cosine of {row.alike:.2f}"
         sentences.append(f"{text}.")
     sentences.append(f"A cause outside the library is {found.other_probability:.0%} probable.")
-    if found.uneven > UNEVEN:
+    if found.unevenness > UNEVEN:
         sentences.append(
-            f"The recorded cycles differ from one another {found.uneven:.0f} times as much as simulated "
+            f"The recorded cycles differ from one another {found.unevenness:.0f} times as much as simulated "
             "ones: something acts in some cycles and not in others."
         )
     if diagnosis.experiment is not None:

@@ -99,7 +99,7 @@ def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     tiles = [(_VERDICTS[verdict], causes if verdict != "no_gap" else "within the floor")]
     if found and found.effects:
         first = found.effects[0]
-        tiles.append((tables.probability(first["probability"]), f"probability of {first['name']}"))
+        tiles.append((tables.probability(first.probability), f"probability of {first.name}"))
         tiles.append((f"{before} → {after} mm", f"gap on held-out data; floor {floor} mm"))
         tiles.append((tables.probability(found.other_probability), "probability of something else"))
     else:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 from gaitopt.core.quantities import figure
 from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis, GapOfTrial
 from gaitopt.diagnose.gap.split import COMPONENTS
 from gaitopt.diagnose.gap.where import GapShare
+from gaitopt.diagnose.judge.causes import EffectProbability
 from gaitopt.report.page import Table
 from gaitopt.robot.signals import unit_of
 
@@ -39,18 +38,17 @@ def effects(diagnosis: Diagnosis) -> Table | None:
     )
 
 
-def _effect_row(row: Mapping[str, Any]) -> list[str]:
-    parameter, found = next(iter(row["parameters"].items()))
-    removed = row["heldout_shrinkage"]
+def _effect_row(row: EffectProbability) -> list[str]:
+    estimate, removed = row.parameter, row.heldout_shrinkage
     return [
-        row["name"] if row["target"] == "all" else f"{row['name']}, {row['target']}",
-        probability(row["probability"]),
-        parameter + (f" [{row['unit']}]" if row["unit"] else ""),
-        f"{found['value']:.4g}",
-        " to ".join(f"{end:.4g}" for end in found["ci90"]),
+        row.name if row.target == "all" else f"{row.name}, {row.target}",
+        probability(row.probability),
+        estimate.name + (f" [{row.unit}]" if row.unit else ""),
+        f"{estimate.value:.4g}",
+        " to ".join(f"{end:.4g}" for end in estimate.ci90),
         "–" if removed is None else f"{100 * removed:.0f} %",
-        figure(row["heldout_left"]),
-        f"{row['alike']:.2f}",
+        figure(row.heldout_left),
+        f"{row.alike:.2f}",
     ]
 
 

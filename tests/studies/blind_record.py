@@ -40,7 +40,7 @@ from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
 from gaitopt.diagnose.diagnosis import DiagnosisRequest, diagnose
 from gaitopt.diagnose.fit.cache import SimulationCache
-from gaitopt.diagnose.fit.fitting import ALIKE
+from gaitopt.diagnose.fit.settings import FitSettings
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.effects import EFFECTS
 from gaitopt.optimise.executors import open_executor
@@ -186,7 +186,7 @@ def scored(truth: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]:
     """Return what of a diagnosis says how right it was: of the effects, those planted, named or alike."""
     planted = [row["name"] for row in truth["effects"]]
     names = {*planted, *content["causes"], *content["ambiguous_with"]}
-    effects = [r for r in content["effects"] if r["name"] in names or r["alike"] >= ALIKE]
+    effects = [r for r in content["effects"] if r["name"] in names or r["alike"] >= FitSettings.alike]
     return {key: content[key] for key in SCORED} | {"effects": effects}
 
 
@@ -270,7 +270,7 @@ def alike(cases: list[Case]) -> list[dict[str, Any]]:
         if case.kind != "single" or case.top not in case.planted:
             continue
         for row in case.diagnosis.effects:
-            if row.name not in case.planted and row.alike >= ALIKE:
+            if row.name not in case.planted and row.alike >= FitSettings.alike:
                 angle = math.degrees(math.acos(min(1.0, row.alike)))
                 entry = (angle, row.name in case.answer)
                 found.setdefault((case.planted[0], row.name), []).append(entry)

@@ -1,4 +1,4 @@
-"""The candidates: every effect that applies to a robot, on each target that it can have."""
+"""The hypotheses: every effect that applies to a robot, on each target that it can have."""
 
 from __future__ import annotations
 
@@ -6,36 +6,27 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from gaitopt.diagnose.fit.settings import FIT, FitSettings
 from gaitopt.effects import EFFECTS, Effect
 from gaitopt.effects.active import Values
 from gaitopt.effects.parts import ALL, Parts
 
-_SCREENED = (0.2, 0.6, 1.0)
-"""Shares of the way from neutral to each bound at which a hypothesis is tried first.
-
-What one of them does foretells little of another: limits show nothing until they are reached, some
-responses set in late, and raising a friction is not lowering it the other way round.
-"""
-
-_OBSERVED = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Shares tried where no simulation is needed."""
-
 _AT_BOUND = 1e-3
-"""Share of a range that is no distance from its end."""
+"""A coordinate closer to the end of its range than this share of it lies at the end."""
 
 
 @dataclass(frozen=True)
 class Hypothesis:
     """One effect on one target, with one unknown parameter.
 
-    The parameter is searched in its coordinate: its value, or the logarithm of its value where steps in
-    that are alike.
+    The parameter is searched in its coordinate: its value, or the logarithm of its value for effects with a
+    logarithmic scale.
 
     Attributes:
         effect: the effect.
         target: what it acts on; `ALL` for effects without a target.
         low, high: searched range of the coordinate.
-        neutral: coordinate at which nothing changes, or the bound that is nearest to that.
+        neutral: coordinate at which nothing changes, or the bound nearest to it.
         nominal: parts of the nominal robot, for priors.
     """
 
@@ -69,9 +60,13 @@ class Hypothesis:
         return self.effect.log_prior(self.value(coordinate), self.nominal)
 
     @property
-    def screened(self) -> list[float]:
-        """Coordinates at which the hypothesis is tried first, in order."""
-        shares = _SCREENED if self.effect.changes_robot else _OBSERVED
+    def measurement_only(self) -> bool:
+        """Whether the effect changes the measurement alone, so that nothing needs to be simulated."""
+        return not self.effect.changes_robot
+
+    def screened(self, settings: FitSettings = FIT) -> list[float]:
+        """Return the coordinates at which the hypothesis is tried first, ascending."""
+        shares = settings.screened_measurement if self.measurement_only else settings.screened
         return sorted(self.neutral + s * (bound - self.neutral) for bound in self.sides for s in shares)
 
     @property
@@ -80,7 +75,7 @@ class Hypothesis:
         return [bound for bound in (self.low, self.high) if abs(bound - self.neutral) > 1e-9]
 
     def at_bound(self, coordinate: float) -> bool:
-        """Whether a coordinate lies at a bound other than neutral, beyond which nothing was tried."""
+        """Whether a coordinate lies at a bound other than neutral; nothing was tried beyond it."""
         return any(abs(coordinate - bound) < _AT_BOUND * (self.high - self.low) for bound in self.sides)
 
 
@@ -92,8 +87,8 @@ def hypotheses(
     Args:
         nominal: parts of the nominal robot.
         channels: its actuators.
-        offset_known: whether any trial says when its recording starts; if none does, a clock's offset is
-            a nuisance and no hypothesis.
+        offset_known: whether any trial says when its recording starts; if none does, the
+            clock's offset is fitted for every trial and is no hypothesis.
         active: effects that the problem has switched on already, which are taken as known.
     """
     known = set(active)

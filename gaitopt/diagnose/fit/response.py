@@ -1,8 +1,8 @@
-"""How the whitened residual answers to the parameters near a robot that was simulated.
+"""How the whitened residual responds to the parameters near a simulated robot: slopes and jumps.
 
-Contacts make it jagged: from one simulated robot to the next it jumps, which makes slopes over short
-distances steep, and lets the luckiest of near robots win. So slopes are those of all near robots together,
-and what the nearest are off them is chance.
+Contacts make the response jagged. It jumps from one simulated robot to the next, so slopes over short
+distances are steep, and the luckiest of several near robots wins. So the slopes are fitted to all near robots
+together, and the nearest robots' deviations from them count as chance.
 """
 
 from __future__ import annotations
@@ -13,76 +13,105 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.fit.fitting import Comparison, Fit, TrialSet
-from gaitopt.diagnose.fit.pairs import PairFit
+from gaitopt.diagnose.fit.pair import PairFit
+from gaitopt.diagnose.fit.settings import RESPONSE, ResponseSettings
+from gaitopt.diagnose.fit.single import Fit
+from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 
 Array = NDArray[np.float64]
-
-_NEAR = 0.06
-"""Share of a range within which simulated robots show together how a response changes."""
-
-_CLOSE = 0.01
-"""Robots nearer than this show no slope by themselves: on either side, one beyond counts too."""
-
-_NEAREST = 3
-"""So many of them show how it jumps: the others are off a line because it is curved."""
-
-_APART = 0.002
-"""Robots of a pair that are so close, in ranges, do not show two slopes."""
 
 
 @dataclass(frozen=True)
 class Response:
-    """Slopes and jumps.
+    """Slopes and jumps near a robot.
 
     Attributes:
         slopes: change of the whitened residual over each parameter's whole range, shape (rows, parameters).
-        jump: square of what a near robot's residual is off them, the median.
-        luck: by how much its loss of each trial is, the median, shape (trials,).
+        jump: squared deviation of a near robot's residual from the slopes, the median.
+        loss_jumps: deviation of a near robot's loss of each trial, the median, shape (trials,).
     """
 
     slopes: Array
     jump: float
-    luck: Array
+    loss_jumps: Array
+
+    @staticmethod
+    def of_fit(fit: Fit, settings: ResponseSettings = RESPONSE) -> Response:
+        """Return the response near a fit's best robot."""
+        best, h = fit.best(), fit.hypothesis
+        nearest = min(fit.comparisons, key=lambda one: abs(float(one.at[0]) - best))
+        near = _Near.of(fit.comparisons, nearest, np.array([h.high - h.low]))
+        return near.response(fit.trial_set, near.slopes_on_both_sides(settings), settings)
+
+    @staticmethod
+    def of_pair(pair: PairFit, settings: ResponseSettings = RESPONSE) -> Response:
+        """Return the response near a pair's best robot; its own slopes where too few robots are near."""
+        near = _Near.of(pair.comparisons, pair.best(), pair.spans)
+        slopes = near.slopes_of_all(settings)
+        return near.response(pair.trial_set, pair.slopes * pair.spans if slopes is None else slopes, settings)
 
 
-def of_fit(fit: Fit) -> Response:
-    """Return the response near a fit's best robot."""
-    best, h = fit.best(), fit.hypothesis
-    nearest = min(fit.comparisons, key=lambda point: abs(float(point.at[0]) - best))
-    return _response(fit.trial_set, fit.comparisons, nearest, np.array([h.high - h.low]), None)
+@dataclass(frozen=True)
+class _Near:
+    """Simulated robots about one of them.
 
+    Attributes:
+        best: the robot in the middle.
+        moved: distance of each robot's parameters from it, in ranges, shape (robots, parameters).
+        changes: change of the whitened residual, shape (robots, rows).
+        distance: largest distance of any parameter, in ranges, shape (robots,).
+    """
 
-def of_pair(pair: PairFit) -> Response:
-    """Return the response near a pair's best robot."""
-    return _response(
-        pair.fits[0].trial_set, pair.comparisons, pair.best(), pair.spans, pair.slopes * pair.spans
-    )
+    best: Comparison
+    moved: Array
+    changes: Array
+    distance: Array
 
+    @staticmethod
+    def of(comparisons: Sequence[Comparison], best: Comparison, spans: Array) -> _Near:
+        moved = np.array([(one.at - best.at) / spans for one in comparisons])
+        changes = np.array([one.whitened - best.whitened for one in comparisons])
+        return _Near(best, moved, changes, np.abs(moved).max(axis=1))
 
-def _response(
-    trial_set: TrialSet, points: Sequence[Comparison], best: Comparison, spans: Array, known: Array | None
-) -> Response:
-    """Return the response near a simulated robot; its slopes are `known` where too few robots are near."""
-    moved = np.array([(point.at - best.at) / spans for point in points])
-    changes = np.array([point.whitened - best.whitened for point in points])
-    distance = np.abs(moved).max(axis=1)
-    near = (distance > 0.0) & (distance <= _NEAR)
-    shown = near.copy()
-    if known is None:
+    def within(self, distance: float) -> NDArray[np.bool_]:
+        """Return which robots are at most so far, the middle one not among them, shape (robots,)."""
+        near: NDArray[np.bool_] = (self.distance > 0.0) & (self.distance <= distance)
+        return near
+
+    def slopes_on_both_sides(self, settings: ResponseSettings) -> Array:
+        """Return the slopes with one parameter, on each side one robot that is not too close among them."""
+        shown = self.within(settings.near)
         for side in (-1.0, 1.0):
-            beyond = np.where(side * moved[:, 0] > 0.0, distance, np.inf)
-            beyond[distance <= _CLOSE] = np.inf
+            beyond = np.where(side * self.moved[:, 0] > 0.0, self.distance, np.inf)
+            beyond[self.distance <= settings.close] = np.inf
             shown[np.argmin(beyond)] |= bool(np.isfinite(beyond).any())
-    if known is None or np.linalg.matrix_rank(moved[shown], tol=_APART) == len(spans):
-        slopes: Array = np.linalg.lstsq(moved[shown], changes[shown], rcond=None)[0].T
-    else:
-        slopes = known
-    nearest = np.flatnonzero(near)[np.argsort(distance[near], kind="stable")][:_NEAREST]
-    smooth = moved[nearest] @ slopes.T
-    if not len(nearest):
-        return Response(slopes, 0.0, np.zeros(trial_set.n_trials))
-    jumps = np.sum((changes[nearest] - smooth) ** 2, axis=1)
-    jumped, even = ([trial_set.of_trials(best.whitened + c) for c in by] for by in (changes[nearest], smooth))
-    luck = np.abs(np.array(jumped) - np.array(even))
-    return Response(slopes, float(np.median(jumps)), np.median(luck, axis=0))
+        return self._slopes(shown)
+
+    def slopes_of_all(self, settings: ResponseSettings) -> Array | None:
+        """Return the slopes with several parameters; None where the near robots do not show them all."""
+        shown = self.within(settings.near)
+        rank = np.linalg.matrix_rank(self.moved[shown], tol=settings.apart)
+        return self._slopes(shown) if rank == self.moved.shape[1] else None
+
+    def _slopes(self, shown: NDArray[np.bool_]) -> Array:
+        solved, *_ = np.linalg.lstsq(self.moved[shown], self.changes[shown], rcond=None)
+        slopes: Array = np.asarray(solved.T, dtype=float)
+        return slopes
+
+    def response(self, trial_set: TrialSet, slopes: Array, settings: ResponseSettings) -> Response:
+        """Return the slopes with the jumps of the nearest robots."""
+        near = self.within(settings.near)
+        ordered = np.flatnonzero(near)[np.argsort(self.distance[near], kind="stable")]
+        nearest = ordered[: settings.nearest]
+        smooth = self.moved[nearest] @ slopes.T
+        if not len(nearest):
+            return Response(slopes, 0.0, np.zeros(trial_set.n_trials))
+        jumps = np.sum((self.changes[nearest] - smooth) ** 2, axis=1)
+
+        def losses(changes: Array) -> Array:
+            rows = [self.best.whitened + change for change in changes]
+            return np.array([trial_set.by_trial(trial_set.losses(row)) for row in rows])
+
+        loss_jumps: Array = np.abs(losses(self.changes[nearest]) - losses(smooth))
+        typical: Array = np.median(loss_jumps, axis=0)
+        return Response(slopes, float(np.median(jumps)), typical)

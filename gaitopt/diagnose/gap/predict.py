@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.drive import Drive
@@ -29,24 +30,15 @@ def predict_each(
     Returns:
         For each robot a list in the order of the trials.
     """
-    rollouts = _rollouts(trials)
+    runs = runs_of(trials)
     rows = [
         {
-            key: executor.submit(observed_rollout, simulator, drive, scenario, duration)
-            for key, (drive, duration) in rollouts.items()
+            key: executor.submit(observed_rollout, simulator, run.drive, scenario, run.duration_s)
+            for key, run in runs.items()
         }
         for simulator, scenario in robots
     ]
     return [[row[trial.drive.key].result() for trial in trials] for row in rows]
-
-
-def predictions(simulator: Simulator, trials: Sequence[Trial]) -> list[Trajectory]:
-    """Return the prediction of each trial by one robot in its first scenario, simulated in this thread."""
-    done = {
-        key: observed_rollout(simulator, drive, 0, duration)
-        for key, (drive, duration) in _rollouts(trials).items()
-    }
-    return [done[trial.drive.key] for trial in trials]
 
 
 def observed_rollout(simulator: Simulator, drive: Drive, scenario: int, duration: float) -> Trajectory:
@@ -67,11 +59,32 @@ def latest_gait_time(trial: Trial) -> float:
     return max(float(trial.time[-1]) + latest, trial.drive.block_s)
 
 
-def _rollouts(trials: Sequence[Trial]) -> dict[str, tuple[Drive, float]]:
-    """Return each distinct drive and the time that its longest trial needs, s, by the drive's key."""
-    rollouts: dict[str, tuple[Drive, float]] = {}
+@dataclass(frozen=True)
+class Run:
+    """What a robot is to do.
+
+    Attributes:
+        drive: the commands.
+        duration_s: length, s.
+    """
+
+    drive: Drive
+    duration_s: float
+
+
+def runs_of(trials: Sequence[Trial]) -> dict[str, Run]:
+    """Return the distinct runs of some trials by the drive's key, each as long as its longest trial needs."""
+    runs: dict[str, Run] = {}
     for trial in trials:
-        key, latest = trial.drive.key, latest_gait_time(trial)
-        _, longest = rollouts.get(key, (trial.drive, 0.0))
-        rollouts[key] = trial.drive, max(longest, latest)
-    return rollouts
+        key, duration = trial.drive.key, latest_gait_time(trial)
+        if key not in runs or duration > runs[key].duration_s:
+            runs[key] = Run(trial.drive, duration)
+    return runs
+
+
+def predict_runs(simulator: Simulator, runs: Sequence[Run], signals: Sequence[str]) -> list[Trajectory]:
+    """Return runs as they would be measured, with the named signals alone, so that little is sent back."""
+    paths = [observed_rollout(simulator, run.drive, 0, run.duration_s) for run in runs]
+    return [
+        Trajectory(path.time, {name: path[name].copy() for name in signals}, path.status) for path in paths
+    ]

@@ -1,8 +1,8 @@
 """Whether the recorded cycles differ from one another more than those of any simulated robot.
 
-Every effect of the library acts alike in each cycle. What does not – gusts, a sticky stretch of floor, a
-servo that limps, a supply that gives way now and then – makes cycles uneven, which the covariance would take
-for a robot that does not repeat itself.
+Every effect of the library acts alike in each cycle. Gusts, a sticky patch of floor, a limping servo or a
+supply that fails now and then do not: they make cycles uneven. The covariance would take that for a robot
+that does not repeat itself.
 """
 
 from __future__ import annotations
@@ -13,38 +13,44 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.fit.fitting import Comparison, TrialSet
 from gaitopt.diagnose.fit.residual import WhitenedTrial, by_signal
+from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.gap.floor import Floors, cycle_spread
+from gaitopt.diagnose.judge.settings import VERDICT, VerdictSettings
 from gaitopt.diagnose.record.cycles import steady_from
 
-UNEVEN = 4.0
-"""Cycles are uneven if they differ so many times as much as the simulated ones do."""
-
-_NOISE = 0.3
-"""Share of the measurement's noise by which its estimate may be off."""
+UNEVEN = VerdictSettings.uneven
+"""Recorded cycles are uneven if they differ this many times as much as simulated ones."""
 
 
-def unevenness(trial_set: TrialSet, floors: Sequence[Floors], points: Sequence[Comparison | None]) -> float:
+def unevenness(
+    trial_set: TrialSet,
+    floors: Sequence[Floors],
+    comparisons: Sequence[Comparison | None],
+    settings: VerdictSettings = VERDICT,
+) -> float:
     """Return by how much the recorded cycles differ, in simulated differences; the largest of all signals.
 
     Args:
         trial_set: the trials.
         floors: floor of each signal of each: what is recorded.
-        points: the trials beside robots of the sort that is to be judged; 0 is returned for none.
+        comparisons: the trials compared with perturbed robots; None for those that failed. Without any, 0 is
+            returned.
+        settings: error of the noise.
     """
-    known = [point for point in points if point is not None]
+    known = [comparison for comparison in comparisons if comparison is not None]
     if not known:
         return 0.0
     ratios = []
-    samples = [by_signal(trial_set.trials, point.marker, point.angles) for point in known]
+    samples = [by_signal(trial_set.trials, one.marker, one.angles) for one in known]
     for index, one in enumerate(trial_set.trials):
         for name, floor in floors[index].items():
             if floor.spread is None:
                 continue
             spreads = [_spread(trial_set, one, name, parts[index][name]) for parts in samples]
             recorded = max(0.0, floor.spread**2 - floor.noise**2)
-            ratios.append(recorded / (np.mean(np.square(spreads)) + (_NOISE * floor.noise) ** 2 + 1e-12))
+            simulated = np.mean(np.square(spreads)) + (settings.noise_error * floor.noise) ** 2 + 1e-12
+            ratios.append(recorded / simulated)
     return float(np.sqrt(max(ratios, default=0.0)))
 
 

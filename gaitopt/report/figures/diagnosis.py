@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from gaitopt.core.statistics import NORMAL_95
 from gaitopt.diagnose.diagnosis import Diagnosis
-from gaitopt.diagnose.fit.fitting import TrialSet
+from gaitopt.diagnose.fit.trials import TrialSet
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.split import COMPONENTS
 from gaitopt.diagnose.judge.causes import Causes
-from gaitopt.diagnose.judge.precision import intervals
 from gaitopt.diagnose.trial_gap import TrialGap
 from gaitopt.report.figures.style import BEST_COLOUR, COLOURS, finish, legend_below, plain_ticks
 from gaitopt.robot.signals import is_marker, name_of
@@ -137,7 +136,7 @@ def profile(found: Causes) -> Figure:
     figure = Figure(figsize=(_WIDTH, 0.3 + 2.7 * len(best.fits)), layout="constrained")
     grid = figure.subplots(len(best.fits), 1, squeeze=False)[:, 0]
     rows = float(found.trial_set.rows_per_block.sum())
-    ends = intervals(best, found.trial_set, found.perturbations)
+    ends = found.intervals(best)
     for axes, fit, at, (low, high) in zip(grid, best.fits, best.at, ends, strict=True):
         h, curve = fit.hypothesis, fit.curve
         values = [h.value(c) for c in curve.at.tolist()]
@@ -181,7 +180,7 @@ def held_out(diagnosis: Diagnosis, found: Causes) -> Figure:
 
 def _rms_of(trial_set: TrialSet, apart: NDArray[np.float64], trial: int) -> float:
     """Return the RMS distance of measured and simulated marker in one trial, mm."""
-    axes = sum(is_marker(name) for name in trial_set.trials[trial].rows)
+    axes = sum(is_marker(name) for name in trial_set.trials[trial].bins.rows)
     own = apart[trial_set.sample_trials == trial]
     return float(1e3 * np.sqrt(axes * np.mean(own**2)))
 

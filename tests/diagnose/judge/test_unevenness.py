@@ -1,6 +1,9 @@
 """Cycles that differ as no effect of the library makes them: something else, not a cause."""
 
+from pathlib import Path
+
 import numpy as np
+import pytest
 from planting import SIGNALS, dataset, filmed
 
 from gaitopt.blind.disturbances import OUTSIDE, disturbed
@@ -8,10 +11,12 @@ from gaitopt.diagnose.diagnosis import DiagnosisRequest, diagnose
 from gaitopt.diagnose.judge.unevenness import UNEVEN
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.optimise.executors import open_executor
+from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import Simulator
 
 
-def test_a_servo_that_limps_is_something_else(arcfold, tmp_path):
+@pytest.mark.slow
+def test_a_servo_that_limps_is_something_else(arcfold: Problem, tmp_path: Path) -> None:
     """Though an effect of the library may take a good part of the gap away."""
     simulator = Simulator.build(arcfold)
     limping = OUTSIDE["limping_servo"]

@@ -1,0 +1,245 @@
+"""Robots simulated for a set of trials: the only heavy work of a fit.
+
+What an executor is given are values: a problem and the values of its effects, or a simulator, and what is to
+be run. It returns the measured signals alone. The trials are compared with them here, in the calling process,
+which also reads and writes the cache. So threads, processes and remote workers give the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor, Future, as_completed
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.diagnose.fit.cache import SimulationCache
+from gaitopt.diagnose.fit.trials import Comparison, TrialSet
+from gaitopt.diagnose.gap.predict import Run, predict_runs, runs_of
+from gaitopt.diagnose.record.trial import Trial
+from gaitopt.effects.active import Values
+from gaitopt.problem.model import carrying
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Fidelity
+from gaitopt.robot.trajectory import Trajectory
+from gaitopt.simulation.rollout import Simulator
+
+Predictions = list[Trajectory] | None
+"""Prediction of each run, its measured signals alone; None where the robot cannot be built."""
+
+
+@dataclass(frozen=True)
+class RobotRequest:
+    """A robot to compare with the trials: the nominal one with some effects.
+
+    Attributes:
+        effects: values of the effects by name, as a problem file gives them.
+        at: coordinates to keep with the result.
+        measurement_only: whether the effects change the measurement alone, so that nothing is simulated.
+    """
+
+    effects: Mapping[str, Values]
+    at: tuple[float, ...]
+    measurement_only: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name of the result in the cache: equal for equal robots."""
+        return repr(sorted((effect, sorted(values.items())) for effect, values in self.effects.items()))
+
+
+Compare = Callable[[TrialSet, Sequence[RobotRequest]], list[Comparison | None]]
+"""Compares a set of trials with robots; None for a robot that cannot be simulated."""
+
+
+@dataclass(frozen=True)
+class Runner:
+    """Compares trials with robots.
+
+    Attributes:
+        executor: where robots are simulated.
+        on_progress: called as it goes.
+        cache: keeps what is simulated, and has what was; None to keep nothing.
+    """
+
+    executor: Executor
+    on_progress: OnProgress = silent
+    cache: SimulationCache | None = None
+
+    def stage(self, name: str) -> Stage:
+        """Return a stage of the work that counts its robots."""
+        return Stage(self, name)
+
+    def compare(
+        self,
+        trial_set: TrialSet,
+        requests: Sequence[RobotRequest],
+        on_done: Callable[[], None] = lambda: None,
+    ) -> list[Comparison | None]:
+        """Return the trials compared with robots that have effects.
+
+        Args:
+            trial_set: the trials.
+            requests: the robots.
+            on_done: called after each robot.
+
+        Returns:
+            One comparison for each request, in order; None for a robot that cannot be simulated.
+        """
+        problem = carrying(trial_set.problem)
+        runs, signals = _work_of(trial_set)
+        batch = _Batch(self, trial_set, len(requests), on_done)
+        for index, request in enumerate(requests):
+            if not request.measurement_only and not batch.recall(index, request.name, request.at):
+                call = (problem, request.effects, trial_set.simulator.fidelity, runs, signals)
+                future = self.executor.submit(predict_with_effects, *call)
+                batch.wait_for(index, request.name, request.at, future)
+        found = batch.results()
+        for index, request in enumerate(requests):
+            if request.measurement_only:
+                batch.put(index, _with_measurement_effects(trial_set, request))
+        return found
+
+    def compare_robots(self, trial_set: TrialSet, robots: Mapping[str, Simulator]) -> list[Comparison | None]:
+        """Return the trials compared with robots, by their names in the cache."""
+        runs, signals = _work_of(trial_set)
+        batch = _Batch(self, trial_set, len(robots), lambda: None)
+        for index, (name, robot) in enumerate(robots.items()):
+            if not batch.recall(index, name, ()):
+                future = self.executor.submit(predict_with_robot, robot, runs, signals)
+                batch.wait_for(index, name, (), future)
+        return batch.results()
+
+
+class Stage:
+    """A named part of the work: compares trials with robots, and reports how many are done."""
+
+    def __init__(self, runner: Runner, name: str):
+        self._runner, self._name = runner, name
+        self._done = self._total = 0
+
+    def expect(self, count: int) -> None:
+        """Change the number of robots that there may be at most."""
+        self._report(0, count)
+
+    def __call__(self, trial_set: TrialSet, requests: Sequence[RobotRequest]) -> list[Comparison | None]:
+        """Return the trials compared with robots, as `Runner.compare` does."""
+        self.expect(len(requests))
+        return self._runner.compare(trial_set, requests, lambda: self._report(1, 0))
+
+    def _report(self, done: int, total: int) -> None:
+        self._done, self._total = self._done + done, self._total + total
+        self._runner.on_progress(
+            Progress(self._name, self._done, max(self._done, self._total) or None, "robots")
+        )
+
+
+@dataclass(frozen=True)
+class _Pending:
+    """A robot that is being simulated: its place among the results, name in the cache, coordinates."""
+
+    index: int
+    name: str
+    at: tuple[float, ...]
+
+
+class _Batch:
+    """Comparisons in the order of their requests, taken in as soon as they are there."""
+
+    def __init__(self, runner: Runner, trial_set: TrialSet, count: int, on_done: Callable[[], None]):
+        self._runner, self._trial_set, self._on_done = runner, trial_set, on_done
+        self._found: list[Comparison | None] = [None] * count
+        self._pending: dict[Future[Predictions], _Pending] = {}
+
+    def put(self, index: int, comparison: Comparison | None) -> None:
+        """Take in a comparison by the first covariance."""
+        if comparison is not None:
+            comparison = self._trial_set.rewhiten(comparison, self._trial_set.initial)
+        self._found[index] = comparison
+        self._on_done()
+
+    def recall(self, index: int, name: str, at: tuple[float, ...]) -> bool:
+        """Take in a comparison from the cache; return whether it is there."""
+        cache = self._runner.cache
+        known = None if cache is None else cache.read(name)
+        if known is not None:
+            coordinates = np.array(at, dtype=float)
+            self.put(index, Comparison(coordinates, known["whitened"], known["apart"], known["angles"]))
+        return known is not None
+
+    def wait_for(self, index: int, name: str, at: tuple[float, ...], future: Future[Predictions]) -> None:
+        """Take in the predictions of a robot as soon as they are there."""
+        self._pending[future] = _Pending(index, name, at)
+        if future.done():
+            self._take(future)
+
+    def results(self) -> list[Comparison | None]:
+        """Wait for what is not there yet, and return all comparisons in order."""
+        for future in as_completed(list(self._pending)):
+            self._take(future)
+        return self._found
+
+    def _take(self, future: Future[Predictions]) -> None:
+        """Compare the trials with a robot's predictions, and keep the comparison in the cache."""
+        pending, predictions = self._pending.pop(future), future.result()
+        trial_set, cache, comparison = self._trial_set, self._runner.cache, None
+        if predictions is not None:
+            trials = [one.aligned.trial for one in trial_set.trials]
+            comparison = trial_set.compare(pending.at, _for_trials(predictions, runs_of(trials), trials))
+        if comparison is not None and cache is not None:
+            arrays = (comparison.whitened, comparison.marker, comparison.angles)
+            cache.write(pending.name, dict(zip(("whitened", "apart", "angles"), arrays, strict=True)))
+        self.put(pending.index, comparison)
+
+
+def predict_with_effects(
+    problem: Problem,
+    effects: Mapping[str, Values],
+    fidelity: Fidelity,
+    runs: Sequence[Run],
+    signals: Sequence[str],
+) -> Predictions:
+    """Return what a problem's robot with some effects is predicted to do: the unit of work."""
+    try:
+        robot = Simulator.build(problem.with_effects(effects), fidelity=fidelity)
+        return predict_runs(robot, runs, signals)
+    except GaitoptError:
+        return None
+
+
+def predict_with_robot(robot: Simulator, runs: Sequence[Run], signals: Sequence[str]) -> Predictions:
+    """Return what a robot is predicted to do; None where it cannot be simulated."""
+    try:
+        return predict_runs(robot, runs, signals)
+    except GaitoptError:
+        return None
+
+
+def _with_measurement_effects(trial_set: TrialSet, request: RobotRequest) -> Comparison | None:
+    """Return the trials compared with the nominal robot, seen by a camera or clock with some effects."""
+    try:
+        problem = trial_set.problem.with_effects(request.effects)
+        active = replace(trial_set.simulator.effects, active=problem.effects)
+        model, rng = trial_set.simulator.models[0], np.random.default_rng(0)
+        return trial_set.compare(request.at, [active.observe(t, model, rng) for t in trial_set.nominal])
+    except GaitoptError:
+        return None
+
+
+def _work_of(trial_set: TrialSet) -> tuple[list[Run], list[str]]:
+    trials = [one.aligned.trial for one in trial_set.trials]
+    return list(runs_of(trials).values()), _signals(trials)
+
+
+def _signals(trials: Iterable[Trial]) -> list[str]:
+    return list(dict.fromkeys(name for trial in trials for name in trial.signals))
+
+
+def _for_trials(
+    predictions: Sequence[Trajectory], runs: Mapping[str, Run], trials: Sequence[Trial]
+) -> list[Trajectory]:
+    """Return the prediction of each trial, from those of the distinct runs."""
+    by_key = dict(zip(runs, predictions, strict=True))
+    return [by_key[trial.drive.key] for trial in trials]

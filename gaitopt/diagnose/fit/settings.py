@@ -1,0 +1,194 @@
+"""Tuning constants of the fits: frozen records, each field with its reason."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class WhiteningSettings:
+    """How a trial is averaged over bins, and the covariance that whitens its residual.
+
+    Attributes:
+        bins_per_block: bins in a block (a cycle, where there are cycles), where the frame rate allows.
+        max_bins: bins of a trial at most: the covariance is a dense matrix of that size.
+        origin_m: standard deviation of the marker's unknown origin, m.
+        remainder: size of the smooth remainder, as a share of the change with small errors.
+        remainder_blocks: length over which the remainder is correlated, in blocks.
+        remainder_wander: variance of the remainder's random walk at the trial's end, in variances of the
+            remainder.
+        inflation: factor on the covariance of a few perturbed robots, which is too small by about this.
+        spread_blocks: length over which the differences between cycles are correlated, in blocks.
+        least_marker_m: smallest error of a bin of the marker, m: a simulator of rigid boxes is not more
+            exact.
+        least_angle_rad: the same of an angle, rad.
+        offset_steps: Gauss–Newton steps at most for an unknown offset of the recording.
+        offset_difference_s: half the distance over which the slope with the offset is measured, s.
+        offset_max_blocks: longest step of the offset, in blocks.
+        offset_tolerance_s: a shorter step is the last one, s.
+    """
+
+    bins_per_block: int = 20
+    max_bins: int = 160
+    origin_m: float = 0.05
+    remainder: float = 0.35
+    remainder_blocks: float = 0.1
+    remainder_wander: float = 2.0
+    inflation: float = 1.5
+    spread_blocks: float = 0.3
+    least_marker_m: float = 1e-4
+    least_angle_rad: float = 1e-3
+    offset_steps: int = 4
+    offset_difference_s: float = 2e-3
+    offset_max_blocks: float = 0.1
+    offset_tolerance_s: float = 1e-4
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How one effect is fitted.
+
+    Attributes:
+        screened: shares of the way from neutral to each bound at which a robot is simulated first. One of
+            them predicts little of another: a limit shows nothing until it is reached, some responses set
+            in late, and more friction is not the opposite of less.
+        screened_measurement: the same for effects of the measurement, which need no simulation.
+        per_interval: points of the loss curve between two simulated ones.
+        rounds: number of hypotheses that are refined in each round. More than the leading ones: a fit in a
+            narrow valley is seen to be better only when simulated robots close in on it.
+        hopeless: in each round, the last value for the rest, a hypothesis is dropped that leaves this many
+            times the least loss.
+        alike: cosine from which two signatures are alike. A hypothesis whose signature is like that of the
+            best is not dropped: its parameter may still be too small.
+        tolerance: parameters closer than this share of the range are not simulated again.
+        tolerance_measurement: the same for effects of the measurement: a tenth of a millisecond of a clock.
+        aside: share of the way to a neighbour at which the side of a simulated minimum is tried, where that
+            neighbour is farther than `aside_tolerances` tolerances.
+        aside_tolerances: see `aside`.
+        close: mean square by which the residual of a leading fit may differ from that of the nearest
+            simulated robot.
+        leading: fits that leave at most this many times the least loss are finished until they are `close`.
+        finish_rounds: rounds of finishing at most.
+        finish_rounds_measurement: the same for effects of the measurement.
+    """
+
+    screened: tuple[float, ...] = (0.2, 0.6, 1.0)
+    screened_measurement: tuple[float, ...] = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
+    per_interval: int = 24
+    rounds: tuple[int, ...] = (22, 16, 12, 8, 8, 8, 6, 6, 4, 4)
+    hopeless: tuple[float, ...] = (math.inf, 12.0, 6.0, 4.0)
+    alike: float = 0.9
+    tolerance: float = 0.004
+    tolerance_measurement: float = 1e-4
+    aside: float = 0.35
+    aside_tolerances: float = 4.0
+    close: float = 0.01
+    leading: float = 1.5
+    finish_rounds: int = 4
+    finish_rounds_measurement: int = 20
+
+
+@dataclass(frozen=True)
+class PairRound:
+    """One round of fitting pairs further.
+
+    Attributes:
+        pairs: number of pairs, the best ones.
+        measure_slopes: whether their slopes are measured before.
+    """
+
+    pairs: int
+    measure_slopes: bool = False
+
+
+@dataclass(frozen=True)
+class PairSettings:
+    """How pairs of effects are chosen and fitted.
+
+    Attributes:
+        refined_sums: sums of two single effects that are moved to where they are least.
+        sum_turns: number of times that each coordinate of a sum is moved.
+        simulated_sums: sums that are simulated.
+        per_batch: pairs that are fitted at a time.
+        batches: batches at most, while the best pair leaves more than `right` times what is right.
+        right: see `batches`; what is right is one square for each row.
+        rounds: rounds of each batch.
+        targets: pairs of the same two effects, on other targets, at most.
+        alike: cosine from which two signatures are alike.
+        twins: effects that are tried in the place of one of the best pair, at most.
+        twin_rounds: rounds of these pairs.
+        substitutes: effects that are fitted from where the best pair is, at most.
+        substitute_rounds: rounds of these pairs.
+        probes: number of times that the best pairs are probed at the end: a jagged response has more than
+            one valley.
+        probe_distance: how far off they are probed, in ranges.
+        probe_rounds: rounds after each probe.
+        max_step: longest step, in ranges; halved after a step that did not lower the loss.
+        difference: distance over which a slope is measured, in ranges.
+        hopeless: a pair that leaves this many times the least loss is not fitted without each fold.
+        screened_part: an effect that adds nothing on top of another is tried at the screened coordinate
+            whose distance from neutral is closest to the range divided by this.
+    """
+
+    refined_sums: int = 300
+    sum_turns: int = 3
+    simulated_sums: int = 16
+    per_batch: int = 8
+    batches: int = 3
+    right: float = 2.0
+    rounds: tuple[PairRound, ...] = (
+        PairRound(8),
+        PairRound(4, measure_slopes=True),
+        PairRound(4),
+        PairRound(3, measure_slopes=True),
+        PairRound(3),
+        PairRound(2),
+    )
+    targets: int = 2
+    alike: float = FitSettings.alike
+    twins: int = 8
+    twin_rounds: tuple[PairRound, ...] = (
+        PairRound(4),
+        PairRound(3, measure_slopes=True),
+        PairRound(3),
+        PairRound(2, measure_slopes=True),
+        PairRound(2),
+    )
+    substitutes: int = 4
+    substitute_rounds: tuple[PairRound, ...] = (
+        PairRound(4, measure_slopes=True),
+        PairRound(4),
+        PairRound(4, measure_slopes=True),
+        PairRound(4),
+    )
+    probes: int = 2
+    probe_distance: float = 0.15
+    probe_rounds: tuple[PairRound, ...] = (PairRound(2, measure_slopes=True), PairRound(2))
+    max_step: float = 0.3
+    difference: float = 0.02
+    hopeless: float = 4.0
+    screened_part: float = 6.0
+
+
+@dataclass(frozen=True)
+class ResponseSettings:
+    """How the slopes and jumps of a response are measured near a simulated robot.
+
+    Attributes:
+        near: distance within which simulated robots together show the slopes, in ranges.
+        close: robots nearer than this show no slope alone: one farther robot on each side counts too.
+        nearest: number of nearest robots that show the jumps; the others differ by curvature too.
+        apart: robots of a pair that are closer than this, in ranges, do not show two slopes.
+    """
+
+    near: float = 0.06
+    close: float = 0.01
+    nearest: int = 3
+    apart: float = 0.002
+
+
+WHITENING = WhiteningSettings()
+FIT = FitSettings()
+PAIRS = PairSettings()
+RESPONSE = ResponseSettings()

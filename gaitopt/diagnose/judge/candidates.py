@@ -1,0 +1,173 @@
+"""Candidate explanations: no effect, one effect, or two, each with what it leaves of held-out data.
+
+A candidate is judged by how well the other gaits predict each gait (other cycles, where there is one gait):
+by what it adds to the least loss of the others. So a parameter is held to what the other gaits show of it. A
+trial that does not show an effect says nothing against it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.diagnose.fit.pair import PairFit
+from gaitopt.diagnose.fit.response import Response
+from gaitopt.diagnose.fit.settings import ResponseSettings
+from gaitopt.diagnose.fit.single import Fit, robot_request
+from gaitopt.diagnose.fit.trials import Comparison, TrialSet
+from gaitopt.effects.active import Values
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A fitted explanation, and what it predicts of held-out data.
+
+    Attributes:
+        fits: the effects' fits; none for "no effect".
+        at: their coordinates, fitted to all trials.
+        fitted_loss: loss of each block, fitted to all, shape (blocks,).
+        heldout_loss: what each block adds to the least loss of the other folds, shape (blocks,).
+        whitened: whitened residual, fitted to all trials, shape (rows,).
+        marker: residual of each sample of the marker by the fit that did not use its fold, m, shape
+            (samples,).
+        log_priors: logarithm of the prior of each parameter, up to a constant.
+        pair: the fit of the pair, where there are two effects.
+    """
+
+    fits: tuple[Fit, ...]
+    at: tuple[float, ...]
+    fitted_loss: Array
+    heldout_loss: Array
+    whitened: Array
+    marker: Array
+    log_priors: tuple[float, ...] = ()
+    pair: PairFit | None = None
+
+    @staticmethod
+    def without_effect(trial_set: TrialSet, nominal: Comparison) -> Candidate:
+        """Return the candidate without any effect."""
+        losses = trial_set.losses(nominal.whitened)
+        return Candidate((), (), losses, losses, nominal.whitened, nominal.marker)
+
+    @staticmethod
+    def of_fit(fit: Fit) -> Candidate:
+        """Return the candidate of one effect."""
+        at = fit.best()
+        return Candidate(
+            (fit,),
+            (at,),
+            fit.loss(),
+            _heldout_loss(fit.trial_set, fit.curve.losses),
+            fit.at_best("whitened"),
+            _heldout_marker(fit.trial_set, lambda weights: fit.at_best("marker", weights)),
+            (fit.hypothesis.log_prior(at),),
+        )
+
+    @staticmethod
+    def of_pair(pair: PairFit) -> Candidate:
+        """Return the candidate of two effects."""
+        trial_set, best = pair.trial_set, pair.best()
+        at = tuple(best.at.tolist())
+        losses = np.stack([trial_set.losses(one.whitened) for one in pair.comparisons], axis=1)
+        return Candidate(
+            pair.fits,
+            at,
+            trial_set.losses(best.whitened),
+            _heldout_loss(trial_set, losses),
+            best.whitened,
+            _heldout_marker(trial_set, lambda weights: pair.best(weights).marker),
+            tuple(fit.hypothesis.log_prior(one) for fit, one in zip(pair.fits, at, strict=True)),
+            pair,
+        )
+
+    @property
+    def total_loss(self) -> float:
+        """Held-out loss of all blocks, by which candidates of as many parameters are ranked."""
+        return float(self.heldout_loss.sum())
+
+    @property
+    def names(self) -> list[str]:
+        """The effects."""
+        return [fit.hypothesis.effect.name for fit in self.fits]
+
+    @property
+    def label(self) -> str:
+        """The effects with their targets."""
+        return " + ".join(fit.hypothesis.name for fit in self.fits) or "none"
+
+    @property
+    def effect_values(self) -> Mapping[str, Values]:
+        """What a problem file says of the effects."""
+        hypotheses = [fit.hypothesis for fit in self.fits]
+        return robot_request(zip(hypotheses, self.at, strict=True)).effects
+
+    @property
+    def log_target_share(self) -> float:
+        """Logarithm of the targets' share of their effects' prior probability."""
+        return sum(_log_target_share(fit) for fit in self.fits)
+
+    def left(self, trial_set: TrialSet) -> float:
+        """Return the mean whitened square that is left of held-out data, in the worst trial.
+
+        It is 1 where the candidate and the covariance are right.
+        """
+        by_trial = trial_set.by_trial(self.heldout_loss) / trial_set.by_trial(trial_set.rows_per_block)
+        return float(by_trial.max())
+
+    def loss_jumps(self, trial_set: TrialSet, settings: ResponseSettings) -> Array:
+        """Return by how much the losses of near robots differ by chance, shape (trials,)."""
+        if self.pair is not None:
+            return Response.of_pair(self.pair, settings).loss_jumps
+        if self.fits:
+            return Response.of_fit(self.fits[0], settings).loss_jumps
+        return np.zeros(trial_set.n_trials)
+
+    def cosine(self, other: Candidate, nominal: Comparison) -> float:
+        """Return the cosine between the whitened changes of two candidates: their signatures."""
+        a, b = nominal.whitened - self.whitened, nominal.whitened - other.whitened
+        size = float(np.linalg.norm(a) * np.linalg.norm(b))
+        return abs(float(a @ b)) / size if size > 0.0 else 0.0
+
+
+def _log_target_share(fit: Fit) -> float:
+    kind, channels = fit.hypothesis.effect.target, len(fit.trial_set.problem.channel_names)
+    return {"none": 0.0, "any": -math.log(channels + 1.0), "one": -math.log(channels)}[kind]
+
+
+def _heldout_marker(trial_set: TrialSet, fitted: Callable[[Array | None], Array]) -> Array:
+    """Return the marker's residual of each sample by the fit that did not use its fold, m.
+
+    Args:
+        trial_set: the trials.
+        fitted: returns the residuals, m, of the fit with given weights of the blocks; None for all alike.
+    """
+    marker = fitted(None).copy()
+    for fold, weights in trial_set.fold_weights:
+        hidden = np.isin(trial_set.sample_blocks, fold)
+        marker[hidden] = fitted(weights)[hidden]
+    return marker
+
+
+def _heldout_loss(trial_set: TrialSet, losses: Array) -> Array:
+    """Return what each block adds to the least loss of the other folds, shape (blocks,).
+
+    This is its own loss where all blocks fit best, and its share of what the other folds then lose against
+    their own best fit, spread over the rows of its fold. For a linear model it is the predictive square, its
+    parameter being fitted to the others.
+
+    Args:
+        trial_set: the trials.
+        losses: of each block at each parameter, shape (blocks, n).
+    """
+    best = int(np.argmin(losses.sum(axis=0)))
+    added: Array = losses[:, best].copy()
+    for fold, weights in trial_set.fold_weights:
+        others, rows = weights @ losses, trial_set.rows_per_block[fold]
+        added[fold] += (others[best] - others.min()) * rows / rows.sum()
+    return added

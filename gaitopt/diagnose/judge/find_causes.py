@@ -1,0 +1,165 @@
+"""The search for the cause of a gap: all hypotheses fitted and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gaitopt.core.errors import GaitoptError
+from gaitopt.diagnose.fit.hypotheses import Hypothesis
+from gaitopt.diagnose.fit.pair_search import PairSearch
+from gaitopt.diagnose.fit.residual import WhitenedTrial
+from gaitopt.diagnose.fit.schedule import fit_all
+from gaitopt.diagnose.fit.trials import Comparison, TrialSet
+from gaitopt.diagnose.gap.align import Aligned
+from gaitopt.diagnose.gap.floor import Floors
+from gaitopt.diagnose.gap.predict import predict_each
+from gaitopt.diagnose.judge.causes import Causes
+from gaitopt.diagnose.judge.context import Context
+from gaitopt.diagnose.judge.gap import GapMeter
+from gaitopt.diagnose.judge.judgement import Judgement
+from gaitopt.diagnose.judge.perturbed import PerturbedRobots, perturbed_about
+from gaitopt.diagnose.judge.small_errors import perturbed_robots
+from gaitopt.diagnose.judge.unevenness import unevenness
+from gaitopt.diagnose.judge.verdict import Verdict, conclude, falls_short, is_shown, pair_is_needed
+from gaitopt.simulation.rollout import Simulator
+
+
+@dataclass(frozen=True)
+class NominalGap:
+    """Trials beside the nominal robot.
+
+    Attributes:
+        simulator: the nominal robot.
+        trials: the trials beside its predictions.
+        floors: floor of each signal of each trial.
+        floor_m: the marker's floor over all trials, m.
+    """
+
+    simulator: Simulator
+    trials: Sequence[Aligned]
+    floors: Sequence[Floors]
+    floor_m: float
+
+
+@dataclass(frozen=True)
+class PreparedTrials:
+    """Trials ready for fitting.
+
+    Attributes:
+        trial_set: the trials, whitened by the covariance of the nominal robot.
+        nominal: the trials compared with the nominal robot.
+        perturbed: the trials compared with robots perturbed about it; None for those that failed.
+    """
+
+    trial_set: TrialSet
+    nominal: Comparison
+    perturbed: tuple[Comparison | None, ...]
+
+
+@dataclass(frozen=True)
+class _Explanation:
+    """Candidates, robots perturbed about the first of them, and the unevenness beside these."""
+
+    judgement: Judgement
+    robots: PerturbedRobots
+    uneven: float
+
+
+def prepare_trials(gap: NominalGap, context: Context) -> PreparedTrials:
+    """Return trials whitened by the covariance of robots perturbed about the nominal one."""
+    settings = context.settings
+    count = settings.small_errors.robots
+    robots = perturbed_robots(gap.simulator, context.seed, count, settings=settings.small_errors)
+    records = [aligned.trial for aligned in gap.trials]
+    predicted = predict_each([(robot, 0) for robot in robots], records, context.executor)
+    trials = [
+        WhitenedTrial.of(aligned, floors, [row[i] for row in predicted], settings.whitening)
+        for i, (aligned, floors) in enumerate(zip(gap.trials, gap.floors, strict=True))
+    ]
+    nominal = [aligned.simulated for aligned in gap.trials]
+    trial_set = TrialSet.of(gap.simulator, trials, nominal)
+    comparison = trial_set.compare([0.0], nominal)
+    if comparison is None:
+        raise ValueError("the nominal prediction was checked when it was aligned")
+    return PreparedTrials(trial_set, comparison, tuple(trial_set.compare([], row) for row in predicted))
+
+
+def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Context) -> Causes:
+    """Fit and judge every hypothesis, and pairs of them where one effect falls short.
+
+    Args:
+        gap: the trials beside the nominal robot.
+        hypotheses: what is to be tried.
+        context: simulates robots; seed and settings.
+
+    Raises:
+        GaitoptError: no robot that is to be tried can be simulated.
+    """
+    prepared, settings = prepare_trials(gap, context), context.settings
+    trial_set, nominal = prepared.trial_set, prepared.nominal
+    judgement = Judgement(trial_set, nominal, settings=settings)
+    uneven = unevenness(trial_set, gap.floors, prepared.perturbed, settings.verdict)
+    before = judgement.none.left(trial_set)
+    if before <= settings.verdict.no_gap and uneven <= settings.verdict.uneven:
+        nothing = np.empty((0, len(trial_set.row_blocks)))
+        return Causes(judgement, Verdict("no_gap"), None, nothing, uneven, context.seed)
+    fits = fit_all(trial_set, hypotheses, nominal, context.runner, settings.fit)
+    wide = replace(judgement, fits=tuple(fits))
+    if not wide.singles:
+        raise GaitoptError("no effect can be tried: the simulation of every robot that has one fails")
+    found = _explained(wide.refine_covariance(context), gap, trial_set, context)
+    if falls_short(found.judgement):
+        # By the first covariance: effects that do not explain the gap must not decide how it is whitened.
+        found = _explained_by_two(wide, gap, trial_set, context) or found
+    return _concluded(found, gap, before <= settings.verdict.faint_gap, context)
+
+
+def _explained(judgement: Judgement, gap: NominalGap, trial_set: TrialSet, context: Context) -> _Explanation:
+    """Return candidates with robots perturbed about the first of them."""
+    robots = perturbed_about(judgement.trial_set, judgement.first, context)
+    uneven = unevenness(trial_set, gap.floors, robots.comparisons, context.settings.verdict)
+    return _Explanation(judgement, robots, uneven)
+
+
+def _explained_by_two(
+    wide: Judgement, gap: NominalGap, trial_set: TrialSet, context: Context
+) -> _Explanation | None:
+    """Return the candidates of two effects, if two are needed and shown, and their cycles even enough.
+
+    Args:
+        wide: every candidate of one effect, by the first covariance.
+        gap: the trials beside the nominal robot.
+        trial_set: the trials by the first covariance.
+        context: simulates robots.
+    """
+    settings = context.settings
+    compare = context.runner.stage("fitting pairs of effects")
+    pairs = PairSearch(wide.fits, wide.nominal, compare, settings.pairs).run()
+    if not pairs:
+        return None
+    two = replace(wide, pairs=tuple(pairs)).refine_covariance(context)
+    if not pair_is_needed(two):
+        return None
+    found = _explained(two, gap, trial_set, context)
+    even = found.uneven <= settings.verdict.uneven
+    return found if is_shown(two, found.robots) and even else None
+
+
+def _concluded(found: _Explanation, gap: NominalGap, faint: bool, context: Context) -> Causes:
+    """Return the answer that the evidence allows.
+
+    Args:
+        found: the candidates.
+        gap: the trials beside the nominal robot.
+        faint: whether there is no gap to speak of if no effect explains it.
+        context: seed and settings.
+    """
+    judgement = found.judgement
+    verdict = conclude(judgement, found.robots, found.uneven, faint, context.seed)
+    draws = context.settings.evidence.gap_draws
+    meter = GapMeter(judgement.trial_set, judgement.nominal, context.seed, draws)
+    measured = meter.measure(judgement.first, gap.floor_m)
+    return Causes(judgement, verdict, measured, found.robots.changes, found.uneven, context.seed)

@@ -1,0 +1,125 @@
+"""What a recording of a gait is expected to tell of the candidates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.diagnose.gap.align import square_apart
+from gaitopt.diagnose.gap.predict import Run, predict_runs
+from gaitopt.diagnose.judge.evidence import probabilities
+from gaitopt.diagnose.judge.settings import EXPERIMENT, ExperimentSettings
+from gaitopt.gait.drive import Drive
+from gaitopt.robot.signals import is_marker
+from gaitopt.robot.trajectory import Trajectory
+from gaitopt.simulation.rollout import Simulator
+
+Array = NDArray[np.float64]
+D = TypeVar("D", bound=Drive)
+
+
+@dataclass(frozen=True)
+class GaitScore(Generic[D]):
+    """What a recording of a gait, or of another drive, is expected to tell.
+
+    Attributes:
+        gait: the gait.
+        squares: squared difference of each two candidates, in floors, summed over the signals, shape
+            (candidates, candidates).
+        n_signals: number of signals.
+        names: effects of each candidate.
+        prior: probability of each candidate before the recording, shape (candidates,).
+    """
+
+    gait: D
+    squares: Array
+    n_signals: int
+    names: tuple[str, ...]
+    prior: Array
+
+    @property
+    def differences(self) -> Array:
+        """RMS difference of each two candidates, in floors, shape (candidates, candidates)."""
+        root: Array = np.sqrt(self.squares / self.n_signals)
+        return root
+
+    @property
+    def separation(self) -> float:
+        """RMS difference of the first from those with other effects, in floors, weighted by probability."""
+        others = self._others[0] * self.prior
+        return float(np.sqrt(others @ self.squares[0] / others.sum() / self.n_signals))
+
+    @cached_property
+    def wrong(self) -> float:
+        """Expected probability of wrong effects after the recording, a floor being one standard error."""
+        after = np.array([probabilities(np.log(self.prior) - 0.5 * row) for row in self.squares])
+        return float(self.prior @ np.sum(after * self._others, axis=1))
+
+    @property
+    def _others(self) -> Array:
+        """1 for each candidate, in columns, that has other effects than the one in the row; else 0."""
+        names = np.array(self.names)
+        other: Array = (names[:, None] != names[None, :]).astype(float)
+        return other
+
+
+@dataclass(frozen=True)
+class GaitScorer:
+    """Predicts what recordings of gaits would tell.
+
+    Attributes:
+        robots: the robot of each candidate.
+        perturbed: robots perturbed about the leading candidates, each with its candidate's index. Robots
+            perturbed about the nominal one would promise more of fast gaits than the diagnosis then finds.
+        names: effects of each candidate.
+        prior: probability of each candidate, shape (candidates,).
+        signals: what is measured.
+        executor: where gaits are simulated.
+        settings: length and noise of a recording.
+    """
+
+    robots: Sequence[Simulator]
+    perturbed: Sequence[tuple[int, Simulator]]
+    names: tuple[str, ...]
+    prior: Array
+    signals: tuple[str, ...]
+    executor: Executor
+    settings: ExperimentSettings = EXPERIMENT
+
+    def score(self, gaits: Sequence[D]) -> list[GaitScore[D]]:
+        """Return what each gait would tell; gaits that one of the robots cannot walk are left out."""
+        every = [*self.robots, *(robot for _, robot in self.perturbed)]
+        futures = [
+            [self.executor.submit(predict_runs, robot, [self._run(gait)], self.signals) for robot in every]
+            for gait in gaits
+        ]
+        scores = []
+        for gait, row in zip(gaits, futures, strict=True):
+            paths = [path for future in row for path in future.result()]
+            if all(path.status == "ok" for path in paths):
+                scores.append(self._score(gait, paths))
+        return scores
+
+    def _run(self, drive: Drive) -> Run:
+        return Run(drive, max(self.settings.seconds, 2.0 * drive.block_s))
+
+    def _score(self, gait: D, paths: Sequence[Trajectory]) -> GaitScore[D]:
+        count, settings = len(self.robots), self.settings
+        candidates = paths[:count]
+        pairs = zip(self.perturbed, paths[count:], strict=True)
+        perturbed = [(candidates[index], path) for (index, _), path in pairs]
+        squares = np.zeros((count, count))
+        for signal in self.signals:
+            noise = settings.noise_m if is_marker(signal) else settings.angle_noise_rad
+            unknown = np.mean([square_apart(centre, path, signal) for centre, path in perturbed])
+            floor = noise**2 + settings.caution * unknown
+            for i, one in enumerate(candidates):
+                for j, other in enumerate(candidates[:i]):
+                    squares[i, j] += square_apart(one, other, signal) / floor
+        return GaitScore(gait, squares + squares.T, len(self.signals), self.names, self.prior)

@@ -1,0 +1,132 @@
+"""All candidates judged by one covariance, and again by a covariance that is re-estimated at the leaders.
+
+Small errors do more to some robots than to others: with a payload behind its feet, a percent of a link's mass
+decides which foot slips. By the covariance of the nominal robot that would count as evidence. So robots are
+perturbed about the leading candidates, everything is whitened by the covariance that they give, and the
+candidates are ranked again, until the leaders stay the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.diagnose.fit.pair import PairFit
+from gaitopt.diagnose.fit.schedule import finish
+from gaitopt.diagnose.fit.single import Fit
+from gaitopt.diagnose.fit.trials import Comparison, TrialSet
+from gaitopt.diagnose.judge import evidence
+from gaitopt.diagnose.judge.candidates import Candidate
+from gaitopt.diagnose.judge.context import Context
+from gaitopt.diagnose.judge.perturbed import Perturb, perturbed_about
+from gaitopt.diagnose.judge.settings import DEFAULT, DiagnosisSettings
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Candidates in order of their probability.
+
+    Attributes:
+        candidates: the candidates, the most probable first.
+        probabilities: their probabilities if one of them is right, shape (candidates,).
+    """
+
+    candidates: tuple[Candidate, ...]
+    probabilities: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The trials, the fits, and what they are worth by one covariance.
+
+    Attributes:
+        trial_set: the trials.
+        nominal: the trials compared with the nominal robot.
+        fits: the effects' fits; none where nothing was fitted.
+        pairs: fits of two effects; none where these were not tried.
+        settings: tuning constants.
+    """
+
+    trial_set: TrialSet
+    nominal: Comparison
+    fits: tuple[Fit, ...] = ()
+    pairs: tuple[PairFit, ...] = ()
+    settings: DiagnosisSettings = DEFAULT
+
+    @cached_property
+    def none(self) -> Candidate:
+        """The candidate without any effect."""
+        return Candidate.without_effect(self.trial_set, self.nominal)
+
+    @cached_property
+    def singles(self) -> list[Candidate]:
+        """The candidates of one effect; those that could not be simulated are left out."""
+        return [Candidate.of_fit(fit) for fit in self.fits if len(fit.comparisons) > 1]
+
+    @cached_property
+    def doubles(self) -> list[Candidate]:
+        """The candidates of two effects."""
+        return [Candidate.of_pair(pair) for pair in self.pairs]
+
+    @property
+    def first(self) -> Candidate:
+        """The most probable candidate."""
+        return self.ranking.candidates[0]
+
+    @cached_property
+    def ranking(self) -> Ranking:
+        """The candidates of two effects where there are any, else of one, in order of their probability."""
+        candidates = self.doubles or self.singles
+        if not candidates:
+            return Ranking((), np.empty(0))
+        weights = self.scores(candidates)
+        order = np.argsort(-weights, kind="stable")
+        ordered = tuple(candidates[i] for i in order)
+        return Ranking(ordered, evidence.probabilities(weights[order]))
+
+    def scores(self, candidates: Sequence[Candidate]) -> NDArray[np.float64]:
+        """Return the logarithm of the posterior weight of some candidates, up to a constant."""
+        return evidence.scores(self.trial_set, candidates, self.settings.evidence, self.settings.response)
+
+    def refine_covariance(self, context: Context, perturb: Perturb = perturbed_about) -> Judgement:
+        """Return the same with a covariance re-estimated at those candidates that lead by it.
+
+        Args:
+            context: simulates robots.
+            perturb: returns the robots perturbed about a candidate.
+        """
+        judgement, known = self, set[str]()
+        for _ in range(self.settings.covariance.estimates):
+            leaders = judgement._contenders()
+            names = {candidate.label for candidate in leaders}
+            if names <= known:
+                break
+            initial = judgement.trial_set.initial
+            changes = [perturb(initial, candidate, context).changes for candidate in leaders]
+            judgement = judgement._rewhitened(initial.with_covariance_of(np.concatenate(changes)))
+            known = names
+            finish(judgement.fits, context.runner, self.settings.fit)
+        return judgement
+
+    def _contenders(self) -> list[Candidate]:
+        """Return the first of the candidates that the data cannot rule out, each with other effects."""
+        chosen: dict[frozenset[str], Candidate] = {}
+        ranking, settings = self.ranking, self.settings
+        limit = settings.evidence.in_set * float(ranking.probabilities[0])
+        for candidate, chance in zip(ranking.candidates, ranking.probabilities.tolist(), strict=True):
+            if chance >= limit and len(chosen) < settings.covariance.contenders:
+                chosen.setdefault(frozenset(candidate.names), candidate)
+        return list(chosen.values())
+
+    def _rewhitened(self, trial_set: TrialSet) -> Judgement:
+        return replace(
+            self,
+            trial_set=trial_set,
+            nominal=trial_set.rewhiten(self.nominal, self.trial_set),
+            fits=tuple(fit.rewhitened(trial_set) for fit in self.fits),
+            pairs=tuple(pair.rewhitened(trial_set) for pair in self.pairs),
+        )

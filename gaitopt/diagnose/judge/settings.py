@@ -1,0 +1,190 @@
+"""Tuning constants of the judgement and of the next experiment, and of a whole diagnosis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gaitopt.diagnose.fit.settings import (
+    FIT,
+    PAIRS,
+    RESPONSE,
+    WHITENING,
+    FitSettings,
+    PairSettings,
+    ResponseSettings,
+    WhiteningSettings,
+)
+from gaitopt.diagnose.gap import settings as gap_settings
+from gaitopt.diagnose.gap.settings import GapSettings
+
+
+@dataclass(frozen=True)
+class SmallErrorSettings:
+    """Robots with small errors.
+
+    Attributes:
+        robots: number of robots about the nominal one.
+        mass: relative standard deviation of each body's mass: a kitchen scale on parts of some grams.
+        hinge: relative standard deviation of one hinge's stiffness about the others'.
+    """
+
+    robots: int = 7
+    mass: float = 0.02
+    hinge: float = 0.05
+
+
+@dataclass(frozen=True)
+class EvidenceSettings:
+    """How held-out losses become probabilities.
+
+    Attributes:
+        temper: number of whitened squares that count as one: what a right model leaves is correlated from
+            bin to bin.
+        jump_share: share of the jumps of the loss near the best candidate that is added to `temper`, trial by
+            trial: a fast gait, on which the loss jumps, takes nothing from what a slow one shows.
+        prior_weight: weight of the prior of a fitted parameter: bounds and priors are guesses too.
+        prior_freedom: degrees of freedom of the Student's t tails of the priors.
+        in_set: a candidate belongs to the answer if it is at least this probable, relative to the first.
+        set_share: candidates are added to the answer until they are this probable together.
+        chance_draws: draws of the parametric bootstrap that gives the p-value.
+        gap_draws: resamplings of the blocks that give the interval of the shrinkage.
+    """
+
+    temper: float = 3.0
+    jump_share: float = 0.5
+    prior_weight: float = 0.3
+    prior_freedom: float = 3.0
+    in_set: float = 0.05
+    set_share: float = 0.97
+    chance_draws: int = 999
+    gap_draws: int = 400
+
+
+@dataclass(frozen=True)
+class PrecisionSettings:
+    """How the interval of a parameter is found.
+
+    Attributes:
+        robots: number of robots with small errors about a candidate.
+        tail: one-sided probability of Student's t for the shifts of the fit with these robots.
+        likely: rise of the loss at the ends of a 90 % interval, in tempered squares: 1.645 squared.
+        jump_share: share of a jump of the response by which a fit may be off. With it 9 in 10 of 50 intervals
+            covered the truth.
+    """
+
+    robots: int = 8
+    tail: float = 0.95
+    likely: float = 2.71
+    jump_share: float = 0.5
+
+
+@dataclass(frozen=True)
+class CovarianceSettings:
+    """How the covariance is re-estimated.
+
+    Attributes:
+        contenders: number of leading candidates whose perturbed robots give it, at most; one of the same
+            effects.
+        estimates: number of times that it is re-estimated at most.
+    """
+
+    contenders: int = 3
+    estimates: int = 3
+
+
+@dataclass(frozen=True)
+class VerdictSettings:
+    """Thresholds of the answer. What a candidate leaves is a mean whitened square: 1 for a right model.
+
+    Attributes:
+        no_gap: a nominal robot that leaves at most this in every trial has no significant gap. It is below 1:
+            a small effect that does the same in all trials hides in their mean squares, but not from a robot
+            that has it.
+        faint_gap: a nominal robot that leaves at most this has no gap if no effect explains it.
+        left: a candidate that leaves more than this leaves a significant gap.
+        other_half: something else is as likely as not where the best candidate leaves this.
+        other_slope: how fast that probability changes with the logarithm of what is left.
+        significance: an effect is blamed if chance alone lets one gain as much no more often than this.
+        above_none: an effect joins the answer beside the first if it is this many times as probable as none.
+        try_pairs: pairs are tried where the best effect leaves more than this; a right one nearly always
+            leaves less.
+        pair_errors: standard errors by which two effects must predict better than one.
+        pair_gain: share of the loss of one effect that two may leave at most.
+        little: an effect that takes away a smaller part of the whitened residual than this explains nothing.
+        uneven: recorded cycles are uneven if they differ this many times as much as simulated ones.
+        noise_error: relative error of the measurement's noise, as estimated from the record.
+    """
+
+    no_gap: float = 0.8
+    faint_gap: float = 1.8
+    left: float = 2.0
+    other_half: float = 3.0
+    other_slope: float = 3.0
+    significance: float = 0.02
+    above_none: float = 3.0
+    try_pairs: float = 1.2
+    pair_errors: float = 1.0
+    pair_gain: float = 0.75
+    little: float = 0.3
+    uneven: float = 4.0
+    noise_error: float = 0.3
+
+
+@dataclass(frozen=True)
+class ExperimentSettings:
+    """How the next experiment is chosen.
+
+    Attributes:
+        seconds: length of the proposed recording, s; at least two cycles.
+        random: gaits drawn at random.
+        refined: gaits drawn near the best one, for each step.
+        steps: sizes of the steps from the best gait so far, in units of the box.
+        candidates: candidates that count, on all their targets, at most.
+        least_probability: and they are at least this probable, relative to the first.
+        noise_m: noise of a recorded marker, m.
+        angle_noise_rad: noise of a recorded angle, rad.
+        caution: factor on the variance of a few robots about a candidate that is not quite right.
+        leaders: candidates about which robots are perturbed, at most.
+        robots: perturbed robots of each of them.
+        finalists: gaits that are scored again, by other robots: of many gaits scored by few robots, the best
+            is partly lucky.
+        final_robots: perturbed robots of each leading candidate for the finalists.
+    """
+
+    seconds: float = 8.0
+    random: int = 14
+    refined: int = 5
+    steps: tuple[float, ...] = (0.12, 0.08)
+    candidates: int = 8
+    least_probability: float = 0.01
+    noise_m: float = 1e-3
+    angle_noise_rad: float = 3e-3
+    caution: float = 2.0
+    leaders: int = 3
+    robots: int = 2
+    finalists: int = 3
+    final_robots: int = 3
+
+
+@dataclass(frozen=True)
+class DiagnosisSettings:
+    """All tuning constants of a diagnosis, by what they belong to."""
+
+    gap: GapSettings = gap_settings.DEFAULT
+    whitening: WhiteningSettings = WHITENING
+    fit: FitSettings = FIT
+    pairs: PairSettings = PAIRS
+    response: ResponseSettings = RESPONSE
+    small_errors: SmallErrorSettings = SmallErrorSettings()
+    evidence: EvidenceSettings = EvidenceSettings()
+    precision: PrecisionSettings = PrecisionSettings()
+    covariance: CovarianceSettings = CovarianceSettings()
+    verdict: VerdictSettings = VerdictSettings()
+    experiment: ExperimentSettings = ExperimentSettings()
+
+
+SMALL_ERRORS = SmallErrorSettings()
+EVIDENCE = EvidenceSettings()
+VERDICT = VerdictSettings()
+EXPERIMENT = ExperimentSettings()
+DEFAULT = DiagnosisSettings()

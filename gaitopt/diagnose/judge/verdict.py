@@ -1,0 +1,137 @@
+"""The verdict: the answer that the evidence allows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaitopt.diagnose.judge import evidence
+from gaitopt.diagnose.judge.judgement import Judgement
+from gaitopt.diagnose.judge.perturbed import PerturbedRobots
+from gaitopt.diagnose.judge.precision import Precision
+from gaitopt.diagnose.judge.settings import VerdictSettings
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer.
+
+    Attributes:
+        kind: ``no_gap``, ``explained``, ``ambiguous``, ``partly_explained`` or ``unexplained``.
+        causes: the effects blamed.
+        ambiguous_with: effects that the data cannot tell from these.
+        other_probability: how likely the cause is not in the library, or not alone.
+        p_value: how often chance alone gains as much as the first candidate.
+    """
+
+    kind: str
+    causes: tuple[str, ...] = ()
+    ambiguous_with: tuple[str, ...] = ()
+    other_probability: float = 0.0
+    p_value: float = 1.0
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """The effects of an answer: those blamed, and those that cannot be told from them."""
+
+    causes: tuple[str, ...] = ()
+    rest: tuple[str, ...] = ()
+
+
+def conclude(judgement: Judgement, robots: PerturbedRobots, uneven: float, faint: bool, seed: int) -> Verdict:
+    """Return the answer that the evidence allows.
+
+    Args:
+        judgement: the candidates.
+        robots: robots perturbed about the first of them.
+        uneven: by how much the recorded cycles differ, in differences of these robots' cycles.
+        faint: whether there is no gap to speak of if no effect explains it.
+        seed: seed of the draws for the p-value.
+    """
+    settings, trial_set = judgement.settings.verdict, judgement.trial_set
+    none, first = judgement.none, judgement.first
+    gain = none.total_loss - first.total_loss
+    chance_alone = evidence.p_value(
+        trial_set, judgement.nominal, judgement.singles, gain, seed, judgement.settings.evidence
+    )
+    remains = first.left(trial_set)
+    other = max(_other(remains / settings.other_half, settings), _other(uneven / settings.uneven, settings))
+    answer = _answer(judgement)
+    if chance_alone > settings.significance or not is_shown(judgement, robots):
+        kind, answer = "no_gap" if faint and uneven <= settings.uneven else "unexplained", _Answer()
+    elif remains > settings.left or uneven > settings.uneven:
+        explained = 1.0 - float(np.sqrt(first.heldout_loss.sum() / none.heldout_loss.sum()))
+        kind = "partly_explained"
+        if explained < settings.little:
+            kind, answer = "unexplained", _Answer()
+    else:
+        kind = "ambiguous" if answer.rest else "explained"
+    return Verdict(kind, answer.causes, answer.rest, other, chance_alone)
+
+
+def falls_short(judgement: Judgement) -> bool:
+    """Whether the best single effect leaves more than a right one, or its parameter ends at a bound.
+
+    At the end of its range it may do the work of another effect besides its own. The covariance estimated
+    there would hide that.
+    """
+    best = min(judgement.singles, key=lambda candidate: candidate.total_loss)
+    (fit,), (at,) = best.fits, best.at
+    limit = judgement.settings.verdict.try_pairs
+    return fit.hypothesis.at_bound(at) or best.left(judgement.trial_set) > limit
+
+
+def is_shown(judgement: Judgement, robots: PerturbedRobots) -> bool:
+    """Whether the first candidate has no parameter that may as well be neutral."""
+    return Precision(robots.changes, judgement.settings).excludes_neutral(judgement.first)
+
+
+def pair_is_needed(judgement: Judgement) -> bool:
+    """Whether two effects predict enough better than one, and fit as much better.
+
+    Where a response jumps, one effect may predict a gait badly that it fits well. A second effect does not
+    mend that.
+    """
+    settings = judgement.settings.verdict
+    one, both = (
+        min(candidates, key=lambda candidate: candidate.total_loss)
+        for candidates in (judgement.singles, judgement.doubles)
+    )
+    predicted = float(both.heldout_loss.sum()) < settings.pair_gain * float(one.heldout_loss.sum())
+    fitted = float(both.fitted_loss.sum()) < settings.pair_gain * float(one.fitted_loss.sum())
+    return predicted and fitted and evidence.better_by(both, one) > settings.pair_errors
+
+
+def _other(share: float, settings: VerdictSettings) -> float:
+    """Return how likely something else is, from a sign of it in units of the value for even odds."""
+    return 1.0 / (1.0 + math.exp(-settings.other_slope * math.log(max(share, 1e-9))))
+
+
+def _answer(judgement: Judgement) -> _Answer:
+    """Return the effects blamed, and those that cannot be told from them."""
+    return _answer_of_two(judgement) if judgement.pairs else _answer_of_one(judgement)
+
+
+def _answer_of_one(judgement: Judgement) -> _Answer:
+    """Return the effects that are not ruled out, none that is only as probable as no effect."""
+    settings, ranking = judgement.settings, judgement.ranking
+    weights = judgement.scores([*ranking.candidates, judgement.none])
+    idle = settings.verdict.above_none * float(ranking.probabilities[0] * np.exp(weights[-1] - weights.max()))
+    totals = evidence.by_effect(ranking.candidates, ranking.probabilities)
+    names = evidence.answer_set(totals, settings.evidence)
+    return _Answer(tuple(names[:1]), tuple(name for name in names[1:] if totals[name] >= idle))
+
+
+def _answer_of_two(judgement: Judgement) -> _Answer:
+    """Return the effects of the first pair, and those of every pair that is not ruled out."""
+    ranking = judgement.ranking
+    limit = judgement.settings.evidence.in_set * float(ranking.probabilities[0])
+    first = ranking.candidates[0].names
+    rest: dict[str, None] = {}
+    for candidate, chance in zip(ranking.candidates, ranking.probabilities.tolist(), strict=True):
+        if chance >= limit:
+            rest |= dict.fromkeys(name for name in candidate.names if name not in first)
+    return _Answer(tuple(first), tuple(rest))

@@ -1,0 +1,51 @@
+"""The fit of one effect: where it looks next, and what it says between simulated robots."""
+
+import numpy as np
+import pytest
+from toyfits import toy_fit, toy_trials
+
+from gaitopt.diagnose.fit.hypotheses import hypotheses
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation.rollout import Simulator
+
+
+def test_hypotheses_stay_inside_their_bounds(arcfold: Problem) -> None:
+    nominal = Simulator.build(arcfold).effects.nominal
+    found = hypotheses(nominal, arcfold.channel_names, offset_known=False)
+    assert len({h.name for h in found}) == len(found)
+    assert not any(h.effect.name in ("clock_offset", "clock_rounding", "marker_outliers") for h in found)
+    for h in found:
+        assert h.low <= h.neutral <= h.high
+        assert all(h.low <= at <= h.high and at != h.neutral for at in h.screened())
+        # What lies on one side of neutral predicts nothing of the other, nor a tenth of the way of the rest.
+        assert all(any(at == pytest.approx(bound) for at in h.screened()) for bound in h.sides)
+        middle = 0.5 * (h.low + h.high)
+        assert h.coordinate(h.value(middle)) == pytest.approx(middle)
+        assert np.isfinite(h.value(h.low))
+
+
+def test_a_fit_goes_no_farther_than_robots_can_be_simulated() -> None:
+    """Where the outermost one fails, what lies before it is refined, and what lies beyond is left alone."""
+    measured, slope = np.full(8, 0.7), np.ones(8)
+    fit = toy_fit(toy_trials(8, 2), measured, lambda a: a * slope, (0.0, 0.5, 1.0))
+    assert fit.best() == pytest.approx(0.7, abs=0.02)
+    fit = toy_fit(toy_trials(8, 2), measured, lambda a: a * slope, (0.0, 0.5))
+    fit.add(1.0, None)
+    assert fit.best() == 0.5
+    at = fit.next_coordinate()
+    assert at is not None
+    assert at < 0.5
+    fit.add(at, None)
+    assert fit.next_coordinate() is None
+
+
+def test_residuals_are_linear_between_robots() -> None:
+    """So the curve's loss and products are those of the mixed residual."""
+    rng = np.random.default_rng(2)
+    measured, bend = rng.standard_normal((2, 8))
+    fit = toy_fit(toy_trials(8, 2), measured, lambda a: a**2 * bend, (0.0, 0.5, 1.0))
+    row = rng.standard_normal(8)
+    for at, loss, product in zip(fit.curve.at, fit.curve.losses.sum(axis=0), fit.products(row), strict=True):
+        mixed, _ = fit.line(float(at))
+        assert loss == pytest.approx(float(mixed @ mixed))
+        assert product == pytest.approx(float(mixed @ row))

@@ -1,0 +1,100 @@
+"""A set of trials whitened by one covariance after another, and what the cache knows of it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from planting import SIGNALS, dataset, filmed, rollout
+
+from gaitopt.diagnose.diagnosis import locate
+from gaitopt.diagnose.fit.cache import SimulationCache
+from gaitopt.diagnose.fit.runner import RobotRequest, Runner
+from gaitopt.diagnose.judge.context import Context
+from gaitopt.diagnose.judge.find_causes import NominalGap, PreparedTrials, prepare_trials
+from gaitopt.diagnose.record.dataset import load_dataset
+from gaitopt.optimise.executors import SerialExecutor, open_executor
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation.rollout import Simulator
+
+
+@pytest.fixture(scope="module")
+def folder(arcfold: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A trial of the nominal robot."""
+    trial = {"walk": ("square-1s", filmed(rollout(arcfold, "square-1s", 4.0)))}
+    return dataset(tmp_path_factory.mktemp("data"), trial, starts_at_gait_time_s=0.0)
+
+
+@pytest.fixture(scope="module")
+def prepared(arcfold: Problem, folder: Path) -> PreparedTrials:
+    """The trial, ready to be compared, beside the nominal robot and seven perturbed ones."""
+    simulator = Simulator.build(arcfold)
+    data = load_dataset(folder, arcfold, list(SIGNALS))
+    with open_executor("threads", 2) as executor:
+        found = locate(simulator, data, executor, 1).trials
+        trials, floors = [one.aligned for one in found], [one.floors for one in found]
+        gap = NominalGap(simulator, trials, floors, 0.0)
+        return prepare_trials(gap, Context(Runner(executor), 1))
+
+
+@pytest.fixture(scope="module")
+def changes(prepared: PreparedTrials) -> np.ndarray:
+    """What the perturbed robots change."""
+    known = [one for one in prepared.perturbed if one is not None]
+    assert len(known) == len(prepared.perturbed)
+    return np.array([one.whitened - prepared.nominal.whitened for one in known])
+
+
+def test_the_same_robots_give_the_same_covariance(prepared: PreparedTrials, changes: np.ndarray) -> None:
+    ready, nominal = prepared.trial_set, prepared.nominal
+    again = ready.with_covariance_of(changes).rewhiten(nominal, ready)
+    assert again.whitened == pytest.approx(nominal.whitened, abs=1e-6)
+
+
+def test_what_robots_differ_by_counts_less_and_all_else_does_not_count_more(
+    prepared: PreparedTrials, changes: np.ndarray
+) -> None:
+    ready, nominal = prepared.trial_set, prepared.nominal
+    wild = ready.with_covariance_of(8.0 * changes)
+    rows = (changes.T, wild.rewhiten_rows(changes.T, ready))
+    before, after = (np.linalg.norm(columns, axis=0) for columns in rows)
+    assert np.all(after < 0.5 * before)
+    assert np.linalg.norm(wild.rewhiten(nominal, ready).whitened) <= np.linalg.norm(nominal.whitened)
+
+
+def test_comparisons_and_columns_come_back_unchanged(prepared: PreparedTrials, changes: np.ndarray) -> None:
+    ready, nominal = prepared.trial_set, prepared.nominal
+    wild, wilder = ready.with_covariance_of(3.0 * changes), ready.with_covariance_of(9.0 * changes)
+    there = wilder.rewhiten(wild.rewhiten(nominal, ready), wild)
+    assert there.whitened == pytest.approx(wilder.rewhiten(nominal, ready).whitened)
+    assert ready.rewhiten(there, wilder).whitened == pytest.approx(nominal.whitened)
+    columns = wild.rewhiten_rows(changes.T, ready)
+    assert columns[:, 2] == pytest.approx(wild.rewhiten_rows(changes[2], ready))
+    assert wild.initial.updates == ()
+
+
+def test_the_cache_knows_a_robot_by_any_covariance(
+    prepared: PreparedTrials, changes: np.ndarray, tmp_path: Path
+) -> None:
+    """What was simulated before the covariance was re-estimated is recalled, whitened by the new one."""
+    ready = prepared.trial_set
+    cache = SimulationCache(tmp_path / "cache")
+    runner, request = Runner(SerialExecutor(), cache=cache), RobotRequest(SLOPE, (0.05,))
+    (first,) = runner.compare(ready, [request])
+    assert cache.count == 1
+    wild = ready.with_covariance_of(4.0 * changes)
+    (recalled,) = replace(runner, executor=NoExecutor()).compare(wild, [request])
+    assert first is not None
+    assert recalled is not None
+    assert np.array_equal(recalled.whitened, wild.rewhiten(first, ready).whitened)
+    assert np.array_equal(recalled.marker, first.marker)
+
+
+SLOPE = {"ground_slope": {"angle_rad": 0.05}}
+
+
+class NoExecutor(SerialExecutor):
+    """Simulates nothing."""
+
+    def submit(self, *_: object, **__: object) -> None:  # type: ignore[override]
+        raise AssertionError("nothing needs to be simulated")

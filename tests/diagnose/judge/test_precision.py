@@ -1,0 +1,63 @@
+"""How well a parameter is known: intervals cover, and reach far where the loss is flat."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from toyfits import toy_comparison, toy_fit, toy_trials
+
+from gaitopt.diagnose.fit.pair import PairFit
+from gaitopt.diagnose.judge.candidates import Candidate
+from gaitopt.diagnose.judge.precision import Precision
+
+ROWS, TRUE = 60, 0.9
+
+
+def fitted(measured: np.ndarray, predicted: Callable[[float], np.ndarray], at: Sequence[float]) -> Candidate:
+    """The candidate of one parameter between 0 and 2, simulated at some coordinates."""
+    fit = toy_fit(toy_trials(ROWS, 6), measured, predicted, at, high=2.0)
+    loss = fit.loss()
+    return Candidate((fit,), (fit.best(),), loss, loss, fit.at_best("whitened"), np.empty(0))
+
+
+@pytest.mark.parametrize("size", [0.0, 10.0])
+def test_nine_in_ten_intervals_cover_whatever_nobody_knows_of_the_robot(size: float) -> None:
+    """Errors of noise alone are over-covered: its squares count tempered."""
+    rng = np.random.default_rng(5)
+    slope, hidden = rng.standard_normal(ROWS) * 8.0, rng.standard_normal((4, ROWS)) / 2.0
+    covered = 0
+    for _ in range(300):
+        measured = TRUE * slope + rng.standard_normal(ROWS) + size * rng.standard_normal(4) @ hidden
+        changes = size * rng.standard_normal((8, 4)) @ hidden
+        candidate = fitted(measured, lambda a: a * slope, [0.0, 0.5, 0.8, 1.0, 2.0])
+        ((low, high),) = Precision(changes).intervals(candidate)
+        covered += low <= TRUE <= high
+    assert covered >= 0.87 * 300
+    assert size == 0.0 or covered <= 0.97 * 300
+
+
+def test_an_interval_reaches_as_far_as_nothing_changes() -> None:
+    """A limit that is not reached above 1.2 may be anything above that."""
+    rng = np.random.default_rng(6)
+    slope = rng.standard_normal(ROWS) * 8.0
+    candidate = fitted(1.2 * slope, lambda a: min(a, 1.2) * slope, [0.0, 0.6, 1.2, 1.6, 2.0])
+    ((low, high),) = Precision(rng.standard_normal((8, ROWS))).intervals(candidate)
+    assert 1.05 < low < 1.2
+    assert high == 2.0
+
+
+def test_an_interval_of_a_pair_covers_too() -> None:
+    rng = np.random.default_rng(7)
+    slopes, hidden = rng.standard_normal((ROWS, 2)) * 8.0, 3.0 * rng.standard_normal((4, ROWS))
+    (fit,) = fitted(np.zeros(ROWS), lambda a: a * slopes[:, 0], [0.0, 2.0]).fits
+    covered = 0
+    for _ in range(300):
+        unknown = rng.standard_normal(ROWS) + rng.standard_normal(4) @ hidden
+        at = np.full(2, TRUE) + np.linalg.lstsq(slopes, unknown, rcond=None)[0]
+        left = unknown - slopes @ (at - TRUE)
+        pair = PairFit((fit, fit), [toy_comparison(at, left)], -slopes)
+        losses = fit.trial_set.losses(left)
+        candidate = Candidate((fit, fit), tuple(at.tolist()), losses, losses, left, np.empty(0), pair=pair)
+        changes = rng.standard_normal((8, 4)) @ hidden
+        covered += sum(low <= TRUE <= high for low, high in Precision(changes).intervals(candidate))
+    assert 0.85 * 600 <= covered <= 0.97 * 600
