@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from drives import wandering
 
-from gaitopt.diagnose.gap.predict import latest_gait_time, predict_each, predictions
+from gaitopt.diagnose.gap.predict import latest_gait_time, predict, predict_each, predict_runs, runs_of
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.drive import Drive
 from gaitopt.optimise.executors import SerialExecutor, open_executor, working
@@ -57,12 +57,16 @@ def test_predictions_have_the_same_bits_wherever_they_run(
     expected = run(robot, trials, SerialExecutor())
     assert [one.status for row in expected for one in row] == ["ok"] * 6
     assert bits(run(robot, trials, open_executor(executor, 2))) == bits(expected)
-    assert bits([predictions(robot, trials)]) == bits(expected[:1])
+    runs = runs_of(trials)
+    named = dict(zip(runs, predict_runs(robot, list(runs.values()), ["marker.y"]), strict=True))
+    assert bits([[named[one.drive.key] for one in trials]]) == bits(
+        [[replace(path, signals={"marker.y": path["marker.y"]}) for path in expected[0]]]
+    )
     assert bits(expected[:1]) != bits(expected[1:])
 
 
 def test_trials_of_one_drive_share_the_longest_rollout(robot: Simulator, trials: list[Trial]) -> None:
-    first, second, third = predictions(robot, trials)
+    first, second, third = predict(robot, trials, SerialExecutor())
     assert first is second
     assert first.time[-1] == pytest.approx(latest_gait_time(trials[1]), abs=2e-3)
     assert third.time[-1] == pytest.approx(latest_gait_time(trials[2]), abs=2e-3)
