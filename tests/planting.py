@@ -1,4 +1,6 @@
-"""Trials made by other numerics than the diagnosis uses, with a gap planted in them."""
+"""Made-up trials with a planted gap, simulated with another integrator than the diagnosis uses."""
+
+from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
@@ -24,7 +26,7 @@ SIGNALS = ("marker.x", "marker.y", "marker.z", "joint.mid_left")
 def rollout(
     problem: Problem, gait: str, duration: float, effects: Mapping[str, Values] | None = None
 ) -> Trajectory:
-    """A gait on a robot with effects, from a start pose 2 mrad off."""
+    """Simulate a gait on a robot with effects, from a start pose with errors of 2 mrad."""
     pose = Scenario(start_pose_rad=0.002, pose_seed=7)
     simulator = Simulator.build(problem.with_effects(effects or {}), (pose,), OTHER)
     model = copy.copy(simulator.models[0])
@@ -33,7 +35,7 @@ def rollout(
     return other.observe(other.run(problem.baselines[gait], duration=duration))
 
 
-def filmed(
+def recording_of(
     trajectory: Trajectory,
     begin_s: float = 0.0,
     fps: float = 30.0,
@@ -41,7 +43,7 @@ def filmed(
     seed: int = 1,
     signals: tuple[str, ...] = SIGNALS,
 ) -> dict[str, np.ndarray]:
-    """What a camera sees from gait time `begin_s` on: columns with units, its clock at 0 there."""
+    """Return what a camera records from gait time `begin_s` on: columns with units; its clock starts at 0."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, trajectory.time[-1] - max(begin_s, 0.0), 1.0 / fps)
     columns = {"t_s": time}
@@ -53,7 +55,7 @@ def filmed(
 
 
 def dataset(folder: Path, trials: Mapping[str, tuple[str, Mapping[str, np.ndarray]]], **more: object) -> Path:
-    """Write a data set: for each trial its gait and its columns."""
+    """Write a data set: for each trial its gait and its columns; `more` is added to each entry."""
     folder.mkdir(parents=True, exist_ok=True)
     entries = []
     for name, (gait, columns) in trials.items():

@@ -1,6 +1,8 @@
 """Small test rigs: one mechanism each, in a problem folder of its own."""
 
-from collections.abc import Callable, Sequence
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +65,7 @@ def sled(gravity: str = "0 0 -9.81", contact: str = 'condim="3" friction="0.2"',
 </worldbody><actuator>{IDLE_SERVO}</actuator></mujoco>"""
 
 
-def build(folder: Path, mjcf: str, roles: dict, settle: bool = True) -> Problem:
+def build(folder: Path, mjcf: str, roles: Mapping[str, object], settle: bool = True) -> Problem:
     """Write a rig into a problem folder and load it."""
     folder.mkdir()
     (folder / "rig.xml").write_text(mjcf)
@@ -83,7 +85,7 @@ def build(folder: Path, mjcf: str, roles: dict, settle: bool = True) -> Problem:
     return load_problem(folder)
 
 
-def hold(problem: Problem, target: float, seconds: float, **effects: dict) -> Trajectory:
+def hold(problem: Problem, target: float, seconds: float, **effects: Mapping[str, float]) -> Trajectory:
     """Simulate a constant command, rad, on a rig with effects; each is ``name=dict(parameter=value)``."""
     simulator = Simulator.build(problem.with_effects(effects))
     time = simulator.clock(seconds)

@@ -44,6 +44,11 @@ def unit_of(signal: str) -> str:
     return UNITS[kind_of(signal)]
 
 
+def marker_signal(axis: str) -> str:
+    """Return the signal of a coordinate of the marker, ``x``, ``y`` or ``z``, in m."""
+    return f"marker.{axis}"
+
+
 def joint_signal(joint: str) -> str:
     """Return the signal of a joint's angle, in rad."""
     return f"joint.{joint}"

@@ -12,6 +12,7 @@ from gaitopt.gait.drive import Drive
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
+from gaitopt.robot.signals import MARKER
 from gaitopt.robot.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -88,7 +89,7 @@ class Window:
     def velocity(self) -> tuple[float, float]:
         """Net forward and leftward speed of the marker between the ends, m/s."""
         ends, trajectory = (self.begin_s, self.end_s), self.trajectory
-        marker = [np.interp(ends, trajectory.time, trajectory[f"marker.{axis}"]) for axis in "xyz"]
+        marker = [np.interp(ends, trajectory.time, trajectory[name]) for name in MARKER]
         forward, left, _ = self.axes @ np.diff(marker, axis=1)[:, 0]
         return float(forward) / self.duration_s, float(left) / self.duration_s
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import edited
-from planting import dataset, filmed, rollout
+from planting import dataset, recording_of, rollout
 
 from gaitopt.cli.app import main
 from gaitopt.core.errors import GaitoptError
@@ -32,7 +32,7 @@ HARDWARE = Path(
 def trials(arcfold: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two short trials that a diagnosis is quick to read."""
     simulator = Simulator.build(arcfold, (Scenario(start_pose_rad=0.002, pose_seed=3),))
-    columns = filmed(simulator.run(arcfold.baselines["square-1s"], duration=4.0))
+    columns = recording_of(simulator.run(arcfold.baselines["square-1s"], duration=4.0))
     return dataset(tmp_path_factory.mktemp("data") / "trials", {"fast": ("square-1s", columns)})
 
 
@@ -144,7 +144,7 @@ def test_a_folder_that_holds_something_is_refused_at_once(
 def test_another_robot(strider: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     simulator = Simulator.build(strider, (Scenario(start_pose_rad=0.002, pose_seed=3),))
     trajectory = simulator.run(strider.baselines["stride"], duration=4.0)
-    columns = filmed(trajectory, signals=("marker.y", "marker.z"))
+    columns = recording_of(trajectory, signals=("marker.y", "marker.z"))
     folder = dataset(tmp_path / "trials", {"walk": ("stride", columns)})
     out = tmp_path / "out"
     assert main(["diagnose", str(strider.source), str(folder), "--out", str(out), "--json"]) == 0
@@ -205,7 +205,7 @@ def test_the_real_trials(arcfold: Problem, tmp_path: Path, brief: None) -> None:
 @pytest.fixture(scope="module")
 def sloped(arcfold: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short trial on a slope: a gap that takes fits to explain."""
-    columns = filmed(rollout(arcfold, "square-2s", 5.0, {"ground_slope": {"angle_rad": 0.08}}))
+    columns = recording_of(rollout(arcfold, "square-2s", 5.0, {"ground_slope": {"angle_rad": 0.08}}))
     return dataset(tmp_path_factory.mktemp("data") / "sloped", {"slow": ("square-2s", columns)})
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from planting import dataset, filmed, rollout
+from planting import dataset, recording_of, rollout
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.diagnosis import DiagnosisRequest, diagnose
@@ -33,7 +33,7 @@ def diagnosed(
     known: bool = True,
     gaits: Sequence[str] = ("square-2s", "square-1s"),
 ) -> dict[str, Any]:
-    trials = {gait: (gait, filmed(rollout(simulator.problem, gait, 5.0, effects))) for gait in gaits}
+    trials = {gait: (gait, recording_of(rollout(simulator.problem, gait, 5.0, effects))) for gait in gaits}
     start = {"starts_at_gait_time_s": 0.0} if known else {}
     data = load_dataset(
         dataset(folder, trials, **start), simulator.problem, [s for s in simulator.signals if s]

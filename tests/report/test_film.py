@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pictures import needs_opengl
 from PIL import Image
-from planting import dataset, filmed
+from planting import dataset, recording_of
 
 from gaitopt.cli import app as cli
 from gaitopt.core.errors import GaitoptError
@@ -112,7 +112,9 @@ def trials(strider: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
     simulator, folder = Simulator.build(strider), tmp_path_factory.mktemp("trials")
     moved = simulator.observe(simulator.run(strider.baselines["stride"], duration=4.0))
     seen = {"seen": ("marker.y",), "blind": ("joint.rear_hip",)}
-    columns = {name: filmed(moved, 0.2, noise_m=1e-5, signals=signals) for name, signals in seen.items()}
+    columns = {
+        name: recording_of(moved, 0.2, noise_m=1e-5, signals=signals) for name, signals in seen.items()
+    }
     dataset(folder / "seen", {"filmed": ("stride", columns["seen"])})
     dataset(folder / "blind", {"blind": ("stride", columns["blind"])})
     return folder

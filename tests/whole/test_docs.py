@@ -19,7 +19,7 @@ import matplotlib
 import pytest
 from helpers import brief_studies
 from pictures import needs_opengl
-from planting import dataset, filmed
+from planting import dataset, recording_of
 
 from gaitopt.cli import app as cli
 from gaitopt.cli import demo
@@ -126,7 +126,9 @@ def test_the_tutorials_commands() -> None:
 def test_the_api_pages_examples(quick: Problem, capsys: pytest.CaptureFixture[str]) -> None:
     weak = Simulator.build(quick.with_effects({"servo_torque_limit": {"limit_n_m": 0.1, "target": "all"}}))
     walked = weak.run(quick.baselines["square-1s"], duration=3.2)
-    dataset(Path("trials"), {"weak": ("square-1s", filmed(weak.observe(walked), signals=("marker.x",)))})
+    dataset(
+        Path("trials"), {"weak": ("square-1s", recording_of(weak.observe(walked), signals=("marker.x",)))}
+    )
     blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "api.md").read_text(), flags=re.M | re.S)
     names: dict[str, object] = {}
     for block in blocks:

@@ -103,7 +103,7 @@ def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> Data
     names = [entry.name for entry in file.trial]
     repeated = next((name for name in names if names.count(name) > 1), None)
     if repeated is not None:
-        raise GaitoptError(f"{path}: trial {repeated!r} stands there twice; allowed: one of each name")
+        raise GaitoptError(f"{path}: trial {repeated!r} appears twice; allowed: one of each name")
     measurable = sorted(name for name in known if kind_of(name) in UNITS)
     return DataSet(path, tuple(_trial(entry, path, problem, measurable) for entry in file.trial))
 

@@ -23,7 +23,7 @@ class Defect:
         masked: number of time stamps with samples that do not count.
         spans_s: first and last time stamp of each stretch concerned, s, on the recording's clock.
         errors_m: RMS error over the whole trial that the defect put into each coordinate of the marker, m, as
-            far as the record itself tells.
+            far as the record itself shows it.
         parameters: size of the defect by name: ``share``, ``grid_s``, ``ratio`` or ``scale_m_per_px``.
     """
 

@@ -9,7 +9,7 @@ from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
 from gaitopt.diagnose.record.defect import Defect, counted, spans_of
 from gaitopt.diagnose.record.export import Export, Importer, Motion
 from gaitopt.diagnose.record.tables import Cells
-from gaitopt.robot.signals import joint_signal
+from gaitopt.robot.signals import MARKER, joint_signal, marker_signal
 
 LIKELY = 0.6
 """Points less likely than this are blanked: DeepLabCut gives coordinates even where it sees nothing."""
@@ -103,8 +103,8 @@ def plain(export: Export) -> Motion:
     for column in cells.head:
         stem, _, unit = column.rpartition("_")
         axis = stem.removeprefix("marker.")
-        if axis in ("x", "y", "z"):
-            signals[f"marker.{axis}"] = cells.column(column) * suffix_scale(path, "column", column, LENGTH)
+        if marker_signal(axis) in MARKER:
+            signals[marker_signal(axis)] = cells.column(column) * suffix_scale(path, "column", column, LENGTH)
         elif unit in ANGLE:
             joint = joint_signal(stem.removeprefix("joint."))
             signals[joint] = cells.column(column) * suffix_scale(path, "column", column, ANGLE)

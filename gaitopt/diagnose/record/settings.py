@@ -48,7 +48,7 @@ class SteppedCurveSettings:
             curve has 0.4.
         stepped: the same for all moving cells together.
         cells: at least this many cells must be stepped.
-        in_a_row: so many of them must follow one another.
+        in_a_row: at least this many of them must follow one another.
         moving: a cell moves if it moves by this share of the range within a cycle.
         noise_path: a cell that moves less than this, in standard deviations of noise a sample, may stand
             still. The path of noise alone is half of it.

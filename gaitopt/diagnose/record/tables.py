@@ -120,7 +120,7 @@ def table(path: Path, rows: Cells, head: Sequence[str], begin: int, decimal: str
     """
     repeated = next((name for name in head if name and list(head).count(name) > 1), None)
     if repeated is not None:
-        raise GaitoptError(f"{path}: column {repeated!r} stands there twice")
+        raise GaitoptError(f"{path}: column {repeated!r} appears twice")
     filled = []
     for index, row in enumerate(rows[begin:]):
         if len(row) > len(head) and any(row[len(head) :]):

@@ -13,6 +13,7 @@ from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import DataSet
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.gait import Gait
+from gaitopt.robot.signals import AXES, MARKER, marker_signal
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
@@ -53,17 +54,15 @@ def ghost_of(simulator: Simulator, trial: Trial, trajectory: Trajectory) -> Ghos
     """
     observed = simulator.observe(trajectory)
     aligned = align(clean(trial).trial, observed)
-    positions = np.stack(
-        [np.interp(aligned.time, observed.time, observed[f"marker.{axis}"]) for axis in "xyz"], axis=1
-    )
-    measured = [axis for axis in "xyz" if f"marker.{axis}" in aligned.residual]
+    positions = np.stack([np.interp(aligned.time, observed.time, observed[name]) for name in MARKER], axis=1)
+    measured = [axis for axis in AXES if marker_signal(axis) in aligned.residual]
     if not measured:
         raise GaitoptError(f"trial {trial.name}: no marker was measured, so there is none to show")
     for axis in measured:
-        residual = aligned.residual[f"marker.{axis}"]
+        residual = aligned.residual[marker_signal(axis)]
         early = residual[aligned.time <= aligned.time[0] + trial.drive.block_s]
         origin = float(np.nanmean(early)) if np.isfinite(early).any() else 0.0
-        positions[:, "xyz".index(axis)] += residual - origin
+        positions[:, AXES.index(axis)] += residual - origin
     seen = np.isfinite(positions).all(axis=1)
     return Ghost(trial.name, aligned.time[seen], positions[seen])
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from planting import dataset, filmed, rollout
+from planting import dataset, recording_of, rollout
 
 from gaitopt.core.progress import Progress
 from gaitopt.diagnose.diagnosis import DiagnosisRequest, diagnose
@@ -40,7 +40,7 @@ BRIEF = DiagnosisSettings(
 def folder(arcfold: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short walk uphill."""
     walk = rollout(arcfold, "square-1s", 3.0, {"ground_slope": {"angle_rad": 0.06}})
-    return dataset(tmp_path_factory.mktemp("data"), {"walk": ("square-1s", filmed(walk))})
+    return dataset(tmp_path_factory.mktemp("data"), {"walk": ("square-1s", recording_of(walk))})
 
 
 def found(arcfold: Problem, folder: Path, executor: Any, **more: Any) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planting import SIGNALS, dataset, filmed, rollout
+from planting import SIGNALS, dataset, recording_of, rollout
 
 from gaitopt.diagnose.diagnosis import locate
 from gaitopt.diagnose.fit.cache import SimulationCache
@@ -21,7 +21,7 @@ from gaitopt.simulation.rollout import Simulator
 @pytest.fixture(scope="module")
 def folder(arcfold: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A trial of the nominal robot."""
-    trial = {"walk": ("square-1s", filmed(rollout(arcfold, "square-1s", 4.0)))}
+    trial = {"walk": ("square-1s", recording_of(rollout(arcfold, "square-1s", 4.0)))}
     return dataset(tmp_path_factory.mktemp("data"), trial, starts_at_gait_time_s=0.0)
 
 

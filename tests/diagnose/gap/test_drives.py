@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import rigs
 from drives import Sampled, wandering
-from planting import dataset, filmed
+from planting import dataset, recording_of
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.diagnosis import Diagnosis, locate
@@ -48,7 +48,7 @@ def located(arm: Problem, tmp_path_factory: pytest.TempPathFactory) -> Callable[
         if gap is not None:
             joint = gap(trajectory.time, trajectory["joint.elbow"])
             trajectory = replace(trajectory, signals={**trajectory.signals, "joint.elbow": joint})
-        columns = filmed(trajectory, signals=("marker.x", "marker.z", "joint.elbow"))
+        columns = recording_of(trajectory, signals=("marker.x", "marker.z", "joint.elbow"))
         folder = tmp_path_factory.mktemp("log") / "dataset"
         dataset(folder, {"log": ("log", columns)}, **({"starts_at_gait_time_s": 0.0} if sync else {}))
         known = [name for name in robot.signals if name]

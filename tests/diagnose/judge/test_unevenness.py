@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planting import SIGNALS, dataset, filmed
+from planting import SIGNALS, dataset, recording_of
 
 from gaitopt.blind.disturbances import OUTSIDE, disturbed
 from gaitopt.diagnose.diagnosis import DiagnosisRequest, diagnose
@@ -22,7 +22,7 @@ def test_a_servo_that_limps_is_something_else(arcfold: Problem, tmp_path: Path) 
     limping = OUTSIDE["limping_servo"]
     robot = disturbed(simulator, limping, limping.draw(np.random.default_rng(1), 0.9, simulator))
     walk = robot.observe(robot.run(arcfold.baselines["square-1s"], duration=7.0))
-    trials = {"limping": ("square-1s", filmed(walk))}
+    trials = {"limping": ("square-1s", recording_of(walk))}
     folder = dataset(tmp_path / "data", trials, starts_at_gait_time_s=0.0)
     with open_executor("threads", 2) as executor:
         data = load_dataset(folder, arcfold, list(SIGNALS))

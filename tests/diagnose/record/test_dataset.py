@@ -120,7 +120,7 @@ def test_several_samples_may_share_a_time_stamp(folder: Path, arcfold: Problem) 
         ("walk.csv", "0.500,", ",", "line 12: t_s is missing"),
         ("walk.csv", "10.0000", "ten", "line 12, column x_mm: found 'ten'"),
         ("walk.csv", "10.0000,0.0", "10.0000,0.0,3", "line 12: 4 cells under 3 column names"),
-        ("walk.csv", "x_mm", "t_s", "'t_s' stands there twice"),
+        ("walk.csv", "x_mm", "t_s", "'t_s' appears twice"),
     ],
 )
 def test_one_line_says_what_is_wrong(
@@ -175,7 +175,7 @@ def test_a_gait_file_with_an_unknown_channel(folder: Path, arcfold: Problem) -> 
 
 def test_two_trials_of_one_name(folder: Path, arcfold: Problem) -> None:
     (folder / "dataset.toml").write_text(2 * ENTRY)
-    assert "'walk' stands there twice" in refused(folder, arcfold)
+    assert "'walk' appears twice" in refused(folder, arcfold)
 
 
 def test_no_data_set_there(tmp_path: Path, arcfold: Problem) -> None:
