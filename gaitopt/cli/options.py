@@ -37,7 +37,9 @@ def add_gait(parser: Parser) -> None:
 
 def add_seed(parser: Parser, what: str = "all randomness") -> None:
     """Add ``--seed``."""
-    parser.add_argument("--seed", type=int, default=1, help=f"seed of {what} (default: %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=1, metavar="S", help=f"seed of {what} (default: %(default)s)"
+    )
 
 
 def add_executor(parser: Parser) -> None:

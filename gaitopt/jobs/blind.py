@@ -56,7 +56,7 @@ def blind_make(
     executor: Executor | str = "threads",
     workers: int | None = None,
 ) -> MadeCases:
-    """Make sealed cases: data sets whose cause only `blind_score` knows.
+    """Make sealed cases: data sets whose cause only `blind_score` reads.
 
     Args:
         problem: the problem.

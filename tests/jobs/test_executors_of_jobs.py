@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
+from planting import dataset, filmed, rollout
 
-from gaitopt import check, compare, sweep
+from gaitopt import blind_make, check, compare, diagnose, export, sweep
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.json import to_json
 from gaitopt.jobs.executor import opened
@@ -13,6 +15,11 @@ from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.problem.problem import Problem
 
 Job = Callable[..., list[dict[str, object]]]
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Every file of a folder."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
 def compared(problem: Problem, **options: object) -> list[dict[str, object]]:
@@ -37,6 +44,47 @@ def test_the_same_bits_on_every_executor(strider: Problem, job: Job) -> None:
     assert rows.count("\n") > 3
     for executor in ("threads", "processes"):
         assert to_json({"rows": job(strider, executor=executor, workers=2)}) == rows, executor
+
+
+@pytest.mark.slow
+def test_an_export_is_the_same_on_every_executor(quick: Problem) -> None:
+    said = []
+    for executor in ("serial", "processes"):
+        exported = export(quick, "square-1s", "csv", executor, executor=executor)
+        said.append(exported.to_dict() | {"files": [Path(f).name for f in exported.files]})
+    assert said[0] == said[1]
+    assert content(Path("serial")) == content(Path("processes"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "only"), [("single", "servo_trim"), ("outside", None)])
+def test_blind_cases_are_the_same_on_every_executor(quick: Problem, kind: str, only: str | None) -> None:
+    for executor in ("serial", "processes"):
+        made = blind_make(
+            quick,
+            1,
+            executor,
+            seed=2,
+            seconds=2.2,
+            gaits=["square-1s"],
+            kind=kind,
+            only=only,
+            executor=executor,
+        )
+        assert made.kinds == (kind,)
+    assert content(Path("serial")) == content(Path("processes"))
+
+
+@pytest.mark.slow
+def test_a_diagnosis_is_the_same_on_every_executor(quick: Problem) -> None:
+    sloped = rollout(quick, "square-1s", 4.0, {"ground_slope": {"angle_rad": 0.08}})
+    trials = dataset(Path("trials"), {"one": ("square-1s", filmed(sloped, signals=("marker.x", "marker.z")))})
+    found = []
+    for executor in ("serial", "processes"):
+        run = diagnose(quick, trials, effects=["ground_slope"], next_gait=False, executor=executor)
+        found.append(to_json(run.diagnosis.to_dict()))
+    assert found[0] == found[1]
+    assert '"ground_slope"' in found[0]
 
 
 def test_an_executor_that_is_given_stays_open(strider: Problem) -> None:

@@ -16,14 +16,14 @@ def add_make_options(parser: Parser) -> None:
     add_problem(parser, parameters=False)
     parser.set_defaults(parameters=[])
     add = parser.add_argument
-    add("--cases", type=int, metavar="N", required=True, help="how many")
+    add("--cases", type=int, metavar="N", required=True, help="number of cases")
     add("--seed", type=int, default=1, help="seed of all randomness (default: 1)")
-    add("--out", type=Path, metavar="DIR", required=True, help="their folder; cases it holds are kept")
+    add("--out", type=Path, metavar="DIR", required=True, help="their folder; existing cases in it are kept")
     add("--seconds", type=float, default=12.0, metavar="S", help="length of a trial (default: 12)")
     add("--gaits", metavar="A,B,…", help="baselines measured (default: all)")
     about = "what is measured (default: the marker and the first servo's joint)"
     add("--signals", metavar="A,B,…", help=about)
-    add("--kind", choices=KINDS, help="make this kind alone")
+    add("--kind", choices=KINDS, help="make only this kind")
     add("--only", metavar="NAME", help="with --kind: plant this effect or disturbance")
     add_executor(parser)
 
@@ -47,14 +47,14 @@ def make(options: Options) -> None:
     )
     print(f"{len(made.kinds)} cases: {made.folder}; their truth: {made.sealed}")
     if made.faint:
-        print(f"drawn but too faint within their bounds, on some target or side: {', '.join(made.faint)}")
+        print(f"gap too small within their bounds, for some target or side: {', '.join(made.faint)}")
 
 
 def add_score_options(parser: Parser) -> None:
     """Add the options of ``blind score``."""
     add = parser.add_argument
     add("folder", type=Path, metavar="DIR", help="the folder that blind make made")
-    about = "run folders, one a case (default: DIR/diagnoses)"
+    about = "run folders, one for each case (default: DIR/diagnoses)"
     add("--diagnoses", type=Path, metavar="D", help=about)
     add_json(parser)
     add_executor(parser)
@@ -89,8 +89,8 @@ COMMAND = Command(
     actions=(
         Command(
             name="make",
-            summary="draw sealed cases",
-            description="Draw sealed cases: data sets whose cause is known to blind score alone.",
+            summary="make sealed cases",
+            description="Make sealed cases: data sets whose cause only blind score reads.",
             example=_EXAMPLE,
             add_options=add_make_options,
             run=make,

@@ -43,7 +43,7 @@ def run(options: Options) -> None:
 
 COMMAND = Command(
     name="check",
-    summary="audit a model: what would make its gaits mean nothing on a real robot",
+    summary="check a model for defects that make its gaits useless on a real robot",
     example="gaitopt check arcfold",
     add_options=add_options,
     run=run,

@@ -28,7 +28,7 @@ def run(options: Options) -> None:
 
 COMMAND = Command(
     name="command",
-    summary="write what is sent to each actuator",
+    summary="write the targets that are sent to each actuator",
     example="gaitopt command arcfold square-1s --dt 0.01 --duration 2 --out command.csv",
     add_options=add_options,
     run=run,

@@ -28,10 +28,10 @@ def add_options(parser: Parser) -> None:
     add_problem(parser)
     add = parser.add_argument
     add("dataset", type=Path, metavar="DATASET", help="folder with dataset.toml and its trials")
-    add("--seed", type=int, help="seed of all randomness (default: 1)")
-    add("--effects", metavar="A,B,…", help="try these effects alone (default: all that apply)")
+    add("--seed", type=int, metavar="S", help="seed of all randomness (default: 1)")
+    add("--effects", metavar="A,B,…", help="try only these effects (default: all that apply)")
     add("--full", action="store_true", help="add a film with the measured marker to the report")
-    add("--resume", type=Path, metavar="DIR", help="go on with an interrupted diagnosis")
+    add("--resume", type=Path, metavar="DIR", help="continue an interrupted diagnosis")
     add_run_folder(parser)
     add_json(parser)
     add_quiet(parser)

@@ -21,7 +21,11 @@ def add_options(parser: Parser) -> None:
     add = parser.add_argument
     add("--format", required=True, choices=FORMATS, help="what to write")
     add("--out", type=Path, metavar="DIR", required=True, help="a new or an empty folder")
-    add("--clip", action="store_true", help="bring the gait inside the servos' range first")
+    add(
+        "--clip",
+        action="store_true",
+        help="first change the gait to the nearest one inside the servos' range",
+    )
     about = "largest speed the player commands: off, servo (its own limit) or degrees/s (default: off)"
     add("--slew", metavar="SPEED", default="off", help=about)
     add("--led-pin", type=int, metavar="N", help="GPIO that goes high at gait time 0")
@@ -69,7 +73,7 @@ def _print_exported(exported: Exported) -> None:
 
 COMMAND = Command(
     name="export",
-    summary="write a gait as a table and a player for an ESP32 with RC servos, once it walks in simulation",
+    summary="write a gait as a table and a player for an ESP32 with RC servos, after a test in simulation",
     example="gaitopt export arcfold square-1s --format micropython --out walk",
     add_options=add_options,
     run=run,

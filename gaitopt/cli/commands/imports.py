@@ -13,9 +13,15 @@ def add_options(parser: Parser) -> None:
     add = parser.add_argument
     add("files", type=Path, metavar="FILE", nargs="+", help="exports of Tracker, DeepLabCut, SLEAP, Kinovea")
     add("--out", type=Path, metavar="DATASET", required=True, help="the new data set's folder")
-    add("--gait", action="append", required=True, metavar="GAIT", help="what was commanded; one, or one each")
-    add("--fps", type=float, metavar="N", help="frames a second, where a file counts frames")
-    add("--scale-m-per-px", type=float, metavar="M", help="metres a pixel, where a file is in pixels")
+    add(
+        "--gait",
+        action="append",
+        required=True,
+        metavar="GAIT",
+        help="the commanded gait; one for all files, or one for each",
+    )
+    add("--fps", type=float, metavar="N", help="frames per second, where a file counts frames")
+    add("--scale-m-per-px", type=float, metavar="M", help="metres per pixel, where a file is in pixels")
     add("--time-unit", metavar="U", help="s or ms, where the file does not say")
     add("--length-unit", metavar="U", help="m, cm or mm, where the file does not say")
     add("--view", default="side", help="side: x and z; top: x and y (default: %(default)s)")
@@ -52,7 +58,7 @@ def run(options: Options) -> None:
 
 COMMAND = Command(
     name="import",
-    summary="turn tracked motion into a data set",
+    summary="convert tracked motion to a data set",
     example="gaitopt import walk.txt --gait square-1s --out trials",
     add_options=add_options,
     run=run,

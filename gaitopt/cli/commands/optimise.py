@@ -28,13 +28,13 @@ def add_options(parser: Parser) -> None:
     """Add the options."""
     add_problem(parser)
     add = parser.add_argument
-    add("--budget", type=int, help="gaits to evaluate (default: 600)")
-    add("--seed", type=int, help="seed of all randomness (default: 1)")
-    add("--method", help="default, cma-es or nelder-mead")
+    add("--budget", type=int, metavar="N", help="gaits to evaluate (default: 600)")
+    add("--seed", type=int, metavar="S", help="seed of all randomness (default: 1)")
+    add("--method", metavar="NAME", help="default, cma-es or nelder-mead")
     add("--warm-start", action=argparse.BooleanOptionalAction, default=None, help="start from planned gaits")
     about = "spend half of the budget on a front of speed against cost of transport"
     add("--pareto", action="store_const", const=True, help=about)
-    add("--resume", type=Path, metavar="DIR", help="go on with an interrupted run")
+    add("--resume", type=Path, metavar="DIR", help="continue an interrupted run")
     add("--full", action="store_true", help="add a film and sensitivities to the report")
     add_run_folder(parser)
     add_json(parser)
@@ -98,7 +98,7 @@ def print_stopped(stop: Stopped) -> None:
 
 COMMAND = Command(
     name="optimise",
-    summary="run baselines, search for the best gait, verify it and report",
+    summary="simulate the baselines, search for the best gait, verify it and write a report",
     example="gaitopt optimise arcfold --budget 600 --seed 1",
     add_options=add_options,
     run=run,

@@ -15,8 +15,8 @@ def add_options(parser: Parser) -> None:
     add_gait(parser)
     add = parser.add_argument
     add("--csv", type=Path, metavar="F", help="write the time series here")
-    add("--video", type=Path, metavar="F", help="film it: a file that ends in .mp4, .gif or .webp")
-    add("--beside", metavar="GAIT", help="with --video: film this gait too, side by side")
+    add("--video", type=Path, metavar="F", help="write a film: a file that ends in .mp4, .gif or .webp")
+    add("--beside", metavar="GAIT", help="with --video: show this gait too, side by side")
     add("--measured", type=Path, metavar="DATASET", help="with --video: show the measured marker, too")
     add("--seconds", type=float, metavar="S", help="length of the film (default: whole cycles, 5 s or more)")
     add("--view", action="store_true", help="play it in MuJoCo's viewer, where there is a screen")
