@@ -18,7 +18,7 @@ def demo_problem() -> Problem:
     working = problem.simulation.working
     changes = {
         "name": "demo",
-        "description": "ArcFold for a first look: with a shorter horizon and fewer scenarios than the real problem",
+        "description": "ArcFold for a first look, with a shorter horizon and fewer scenarios",
         "simulation": Simulation(working=working, reference=working, horizon=short),
         "scenarios": ScenarioSpread(**problem.file.scenarios.model_dump() | {"search": 1, "verification": 4}),
     }
