@@ -18,8 +18,10 @@ from gaitopt.export.files import export_files
 from gaitopt.export.format import Format
 from gaitopt.export.formats import FORMATS
 from gaitopt.export.gait_player import MAX_SERVOS
-from gaitopt.export.limits import Lag, check_wiring, clipped, lags, pin_warnings, refuse_outside
+from gaitopt.export.lag import Lag, lags
+from gaitopt.export.limits import clipped, refuse_outside
 from gaitopt.export.replay import Replay, replay
+from gaitopt.export.wiring import check_wiring, pin_warnings
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.table import SAMPLES, GaitTable
 from gaitopt.problem.problem import Problem

@@ -10,7 +10,7 @@ from helpers import edited
 from gaitopt.cli.app import main
 from gaitopt.core.errors import GaitoptError
 from gaitopt.export.handover import Choices, prepare
-from gaitopt.export.limits import lags
+from gaitopt.export.lag import lags
 from gaitopt.gait.table import read_table
 from gaitopt.problem.problem import Problem, load_problem
 
