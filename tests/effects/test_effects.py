@@ -2,6 +2,7 @@
 
 import json
 import math
+import pickle
 import re
 import tomllib
 from concurrent.futures import ProcessPoolExecutor
@@ -16,8 +17,11 @@ from helpers import STRIDER, problem_folder, same_bits, still
 
 from gaitopt.cli.app import main
 from gaitopt.core.errors import GaitoptError
+from gaitopt.diagnose.fit.hypotheses import hypotheses
 from gaitopt.effects import EFFECTS, Effect
 from gaitopt.effects.parts import Parts
+from gaitopt.effects.prior import Prior
+from gaitopt.effects.rows import effect_rows
 from gaitopt.optimise.evaluator import assess
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.verification import verify
@@ -71,9 +75,10 @@ def strong(effect: Effect, nominal: Parts) -> float:
 # --- the table ----------------------------------------------------------------------------------
 
 
-def test_the_library_is_the_contract_s() -> None:
+def test_the_library_has_the_contract_s_effects() -> None:
+    """It may have more: a new effect needs no line here."""
     rows = dict(row.split() for row in CONTRACT.replace("\n", " ").strip().split(";"))
-    assert {name: effect.parameter for name, effect in EFFECTS.items()} == rows
+    assert {name: EFFECTS[name].parameter for name in rows} == rows
 
 
 @pytest.mark.parametrize("effect", ALL)
@@ -101,6 +106,52 @@ def test_a_plausible_value_has_a_prior_and_an_absurd_one_less(effect: Effect, no
     assert effect.log_prior(high * 1e3, nominal) < effect.log_prior(middle, nominal)
     if effect.prior.kind != "normal":
         assert effect.log_prior(-high, nominal) == -math.inf
+
+
+def test_an_effect_is_one_record_and_one_registration(
+    arcfold: Problem, nominal: Parts, reference: Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Registered, it is switched on by a problem file, listed, tried by the diagnosis and simulated."""
+
+    def loosen(parts: Parts, scale: float, _: float) -> None:
+        parts.model.jnt_stiffness[parts.hinges] *= scale
+
+    added = Effect(
+        name="hinge_wear",
+        summary="what wear leaves of the hinges' stiffness",
+        parameter="scale",
+        unit="",
+        neutral=1.0,
+        low=0.2,
+        high=1.0,
+        scale="log",
+        prior=Prior("log-normal", 1.0, 0.4, "a throw-away effect of this test"),
+        allowed=(0.0, math.inf),
+        role="hinges",
+        model=loosen,
+    )
+    monkeypatch.setitem(EFFECTS, added.name, added)
+    assert [row.name for row in effect_rows(nominal) if row.applies][-1] == added.name
+    tried = hypotheses(nominal, arcfold.channel_names, offset_known=True)
+    assert added.name in {hypothesis.effect.name for hypothesis in tried}
+    problem = arcfold.with_effects({added.name: {"scale": 0.3}})
+    assert problem.to_dict()["effects"] == {added.name: {"scale": 0.3}}
+    run = Simulator.build(problem).run(problem.baselines["square-1s"], duration=0.6)
+    assert not np.array_equal(run["marker.x"], reference["marker.x"])
+    assert pickle.loads(pickle.dumps(added)) is added
+
+
+def test_the_diagnosis_asks_an_effect_and_no_list(nominal: Parts) -> None:
+    """What the record shows is not fitted; a shifted start is fitted only where the start is known."""
+    tried = {
+        known: {h.effect for h in hypotheses(nominal, nominal.channels, known)} for known in (True, False)
+    }
+    in_record = {effect.name for effect in EFFECTS.values() if effect.found_in_record}
+    assert in_record == {"clock_rounding", "marker_outliers"}
+    assert {effect.name for effect in EFFECTS.values()} - {e.name for e in tried[True]} == in_record
+    assert {e.name for e in tried[True] - tried[False]} == {"clock_offset"}
+    needs_start = {effect.name for effect in EFFECTS.values() if effect.needs_known_start}
+    assert needs_start == {"command_latency", "clock_offset", "clock_rate"}
 
 
 # --- neutral ------------------------------------------------------------------------------------

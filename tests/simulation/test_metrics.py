@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
+from drives import wandering
 from helpers import still
 from hypothesis import given
 from hypothesis import strategies as st
@@ -287,6 +288,14 @@ def test_a_metric_is_one_record(quick: Problem, monkeypatch: pytest.MonkeyPatch)
     )
     check_objective(problem)
     assert evaluate(problem, [found], ["ok"]).cost == pytest.approx(found[lowest.name])
+
+
+def test_without_cycles_metrics_of_a_cycle_are_left_out(quick: Problem) -> None:
+    drive = wandering(3, 1.5)
+    found = measure(quick, drive, synthetic(quick, {"marker.x": 0.2 * clock()}), robot())
+    assert list(found) == metric_names(quick, cyclic=False)
+    assert set(METRICS) - set(found) == {"stride_m", "slip_m"}
+    assert found["speed_m_s"] == pytest.approx(0.2)
 
 
 # --- on the robot -----------------------------------------------------------------------------

@@ -3,28 +3,26 @@
 import csv
 import math
 import threading
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
+from drives import wandering
 from helpers import same_bits, still
 
-from gaitopt.core.streams import Stream
+from gaitopt.core.errors import GaitoptError
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator, judge
 from gaitopt.optimise.executors import open_executor
-from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.robot import Robot
-from gaitopt.problem.start import start_targets
 from gaitopt.robot.signals import UNITS, kind_of
 from gaitopt.simulation.commands import servo_commands
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.objective import FAILED_COST
-from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.rollout import RolloutSettings, Simulator
 from gaitopt.simulation.scenario import NOMINAL, Scenario, draw_scenarios
 from gaitopt.simulation.setup import RobotSetup
 
@@ -133,33 +131,6 @@ def test_a_failed_scenario_fails_the_gait(strider: Problem) -> None:
 # --- commands ---------------------------------------------------------------------------------
 
 
-def test_framed_commands_are_held_for_a_frame_and_come_one_frame_late(quick: Problem) -> None:
-    gait = quick.baselines["square-1s"].with_period(0.9871)
-    frame_s = quick.file.servo.frame_s
-    time = np.arange(2000) * 1e-3
-    sent = servo_commands(quick, gait, time, framed=True)
-    frame = np.round(time * 1e6).astype(int) // round(frame_s * 1e6)
-    assert frame.max() > 50
-    assert (sent[frame == 0] == start_targets(quick)).all()
-    for number in range(1, frame.max() + 1):
-        in_frame = sent[frame == number]
-        assert (in_frame == in_frame[0]).all()
-        assert in_frame[0] == pytest.approx(gait.targets([(number - 1) * frame_s])[0], abs=1e-12)
-    unframed = servo_commands(quick, gait, time)
-    np.testing.assert_array_equal(unframed, gait.targets(time))
-    assert (unframed != sent).any()
-
-
-def test_before_the_first_frame_the_start_is_held(strider: Problem) -> None:
-    held = strider.file.start.model_copy(update={"ctrl_deg": {"rear": 7.0}})
-    problem = Problem.from_file(
-        strider.file.model_copy(update={"start": held}), strider.source, strider.model_path
-    )
-    sent = servo_commands(problem, problem.baselines["square"], np.array([0.0, 0.0199, 0.02]), framed=True)
-    assert sent[:2] == pytest.approx(np.deg2rad([[7.0, 0.0], [7.0, 0.0]]))
-    assert sent[2] == pytest.approx(problem.baselines["square"].targets([0.0])[0])
-
-
 def test_the_trajectory_says_what_was_commanded(strider: Problem) -> None:
     gait = strider.baselines["stride"]
     for framed in (False, True):
@@ -194,6 +165,26 @@ def test_a_trajectory_covers_its_duration(strider: Problem, period_s: float, tim
     steps = np.diff(trajectory.time)
     assert steps == pytest.approx(max(1e-3, timestep_s), rel=1e-6)
     assert {len(series) for series in trajectory.signals.values()} == {len(trajectory.time)}
+
+
+def test_a_drive_without_a_period_is_simulated_for_as_long_as_it_lasts(strider: Problem) -> None:
+    simulator, drive = Simulator.build(strider), wandering(2, 0.75)
+    trajectory = simulator.run(drive)
+    assert simulator.duration(drive) == 0.75
+    assert trajectory.status == "ok"
+    assert trajectory.time[-1] == pytest.approx(0.75)
+    np.testing.assert_array_equal(trajectory.stacked("target"), drive.targets(trajectory.time))
+    time = simulator.clock(0.75)
+    assert same_bits(simulator.play(time, drive.targets(time)), trajectory)
+
+
+def test_a_rollout_too_long_to_simulate_is_one_line(strider: Problem) -> None:
+    simulator = Simulator.build(strider, settings=RolloutSettings(max_steps=100))
+    allowed = "allowed: a rollout of at most 0.2 s"
+    with pytest.raises(GaitoptError, match=f"^square: period_s: found 0.4; {allowed}$"):
+        simulator.run(strider.baselines["square"])
+    with pytest.raises(GaitoptError, match=f"^log: duration: found 0.75; {allowed}$"):
+        simulator.run(wandering(2, 0.75))
 
 
 def test_every_signal_of_the_robot_is_recorded(strider: Problem) -> None:
@@ -238,89 +229,6 @@ def test_a_csv_has_a_unit_on_every_column_and_loses_nothing(strider: Problem) ->
     assert [float(row["t_s"]) for row in rows] == trajectory.time.tolist()
     for column, series in zip(header[1:], trajectory.signals.values(), strict=True):
         assert [float(row[column]) for row in rows] == series.tolist()
-
-
-# --- scenarios --------------------------------------------------------------------------------
-
-
-def test_the_same_seed_draws_the_same_scenarios(arcfold: Problem) -> None:
-    assert draw_scenarios(arcfold, 5, (3, 1)) == draw_scenarios(arcfold, 5, (3, 1))
-    assert draw_scenarios(arcfold, 5, (3, 1)) != draw_scenarios(arcfold, 5, (4, 1))
-    assert len(set(draw_scenarios(arcfold, 5, (3, 1)))) == 5
-
-
-def test_the_streams_share_no_scenario(arcfold: Problem) -> None:
-    """What verifies a gait is nothing that the search has seen."""
-    streams = [
-        set(scenarios_of(arcfold, 1, stream))
-        for stream in (Stream.SEARCH_SCENARIOS, Stream.SELECTION_SCENARIOS, Stream.VERIFICATION_SCENARIOS)
-    ]
-    spread = arcfold.file.scenarios
-    assert (len(streams[0]), len(streams[2])) == (spread.search, spread.verification)
-    assert not streams[0] & streams[1]
-    assert not streams[0] & streams[2]
-    assert not streams[1] & streams[2]
-
-
-def test_scenarios_stay_inside_the_spread(arcfold: Problem) -> None:
-    spread = arcfold.file.scenarios
-    drawn = draw_scenarios(arcfold, 400, (1,))
-    for factors, width in (
-        ([scenario.friction for scenario in drawn], spread.friction),
-        ([scenario.servo_strength for scenario in drawn], spread.servo_strength),
-    ):
-        assert 1.0 - width <= min(factors) < 1.0 - 0.9 * width
-        assert 1.0 + 0.9 * width < max(factors) <= 1.0 + width
-        assert np.mean(factors) == pytest.approx(1.0, abs=0.2 * width)
-    assert [scenario.framed for scenario in drawn] == [False] * 399 + [True]
-
-
-def test_no_scenario_is_framed_where_the_problem_says_so() -> None:
-    published = load_problem("arcfold-published")
-    assert not any(scenario.framed for scenario in draw_scenarios(published, 5, (1,)))
-
-
-def test_a_friction_scenario_scales_the_robots_geoms_alone(strider: Problem) -> None:
-    nominal, slippery = Simulator.build(strider, (NOMINAL, Scenario(friction=0.5))).models
-    for i in range(nominal.ngeom):
-        scaled = nominal.geom(i).name in {"rear_foot", "front_foot", "trunk"}
-        factor = 0.5 if scaled else 1.0
-        np.testing.assert_array_equal(slippery.geom_friction[i], factor * nominal.geom_friction[i])
-    assert slippery.actuator_forcerange.tolist() == nominal.actuator_forcerange.tolist()
-
-
-def test_a_servo_scenario_scales_the_torque_limit_alone(strider: Problem) -> None:
-    nominal, weak = Simulator.build(strider, (NOMINAL, Scenario(servo_strength=0.8))).models
-    np.testing.assert_array_equal(weak.actuator_forcerange, 0.8 * nominal.actuator_forcerange)
-    assert weak.actuator_gainprm.tolist() == nominal.actuator_gainprm.tolist()
-    assert weak.geom_friction.tolist() == nominal.geom_friction.tolist()
-
-
-def starts(problem: Problem, spread: float, read: Callable[[dict[str, np.ndarray]], float]) -> np.ndarray:
-    """A figure of the first sample over many disturbed starts."""
-    scenarios = tuple(Scenario(start_pose_rad=spread, pose_seed=seed) for seed in range(60))
-    simulator = Simulator.build(problem, scenarios)
-    gait = still(problem)
-    return np.array([read(simulator.run(gait, i, duration=0.0).signals) for i in range(60)])
-
-
-def test_start_poses_are_disturbed_by_the_spread(strider: Problem) -> None:
-    assert np.ptp(starts(strider, 0.0, lambda s: s["joint.rear_hip"][0])) == 0.0
-    hips = starts(strider, 0.01, lambda s: s["joint.rear_hip"][0])
-    assert np.std(hips) == pytest.approx(0.01, rel=0.3)
-
-
-def test_a_start_pose_in_rad_moves_no_slide(strider: Problem) -> None:
-    """An error of an angle is no length: the robot is neither lifted nor pressed into the ground."""
-    assert np.ptp(starts(strider, 0.01, lambda s: s["joint.above"][0])) == 0.0
-    assert np.ptp(starts(strider, 0.01, lambda s: s["joint.along"][0])) == 0.0
-
-
-def test_a_free_robot_is_turned_about_up(arcfold: Problem) -> None:
-    yaw = starts(arcfold, 0.01, lambda s: 2.0 * math.atan2(s["heading.z"][0], s["heading.w"][0]))
-    assert np.std(yaw) == pytest.approx(0.01, rel=0.3)
-    tilt = starts(arcfold, 0.01, lambda s: math.hypot(s["heading.x"][0], s["heading.y"][0]))
-    assert np.abs(tilt).max() < 1e-3
 
 
 def test_a_robot_that_is_not_to_settle_starts_where_its_file_says() -> None:
