@@ -21,8 +21,8 @@ from gaitopt.optimise.settings import SearchSettings
 from gaitopt.optimise.stages import DEFAULT_METHOD, method_of
 from gaitopt.optimise.study import OnSearchProgress, Start, Study
 from gaitopt.optimise.verification import Verified, scenarios_of, verify
-from gaitopt.optimise.warm_start import WarmStart, best_elite, correlation, planned
-from gaitopt.plan.plan import Plan
+from gaitopt.optimise.warm_start import Planned, WarmStart, best_elite, correlation, planned
+from gaitopt.plan.plan import Elite, Plan
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.objective import check_searchable
 from gaitopt.simulation.setup import RobotSetup
@@ -110,39 +110,35 @@ def optimise(
     method, settings = method_of(request.method), settings or defaults.DEFAULT
     evaluator = _evaluator(problem, request.seed, executor, settings)
     study = Study(evaluator, journal, request.budget, request.seed, on_progress, settings.study)
-    gaits = list(problem.baselines.values())
-    known = evaluator(gaits)
-    starts = [Start(gait, one.evaluation.cost) for gait, one in zip(gaits, known, strict=True)]
+    baselines = list(problem.baselines.values())
+    known = evaluator(baselines)
+    starts = [Start(gait, one.evaluation.cost) for gait, one in zip(baselines, known, strict=True)]
     warm = planned(problem, request.warm_start, replace(settings.plan, seed=request.seed))
     study.run(method, starts, [elite.gait for elite in warm.elites], request.pareto, laddered=True)
     among = finalists(study.entries, starts, settings.finalists)
     winner = select(problem, among, executor, request.seed)
-    elite = best_elite(study.entries, warm.elites)
-    asked = [winner.gait, *gaits, *([elite.gait] if elite else [])]
-    best, *others = verify(problem, asked, request.seed, executor)
-    baselines = others[: len(gaits)]
-    notes = warm.notes
-    if warm.plan is not None:
-        notes += drift_notes(warm.plan.baselines, baselines, settings.drift_ratio)
-    notes += failure_notes(study.entries, baselines)
+    final = _verification(
+        problem, winner.gait, best_elite(study.entries, warm.elites), request.seed, executor
+    )
     front = _front(problem, study, request, executor, settings) if request.pareto else []
     ranks = correlation(evaluator, warm.planner, request.seed, settings.correlation_gaits)
-    simulated = simulated_s(known) + winner.simulated_s + ranks.simulated_s
-    simulated += sum(entry.simulated_s for entry in study.entries)
-    simulated += sum(verified.simulated_s for verified in [best, *others])
-    simulated += sum(gait.verified.simulated_s for gait in front)
-    simulated += sum(rung.simulated_s for rung in study.rungs)
     return Optimised(
         request=request,
         entries=study.entries,
         plan=warm.plan,
-        warm_start=WarmStart(others[-1], elite.predicted_speed_m_s) if elite else None,
+        warm_start=final.warm_start,
         rank_correlation=ranks.rank,
-        notes=notes,
+        notes=_notes(warm, study, final.baselines, settings),
         found_by=winner.found_by,
-        best=best,
-        baselines=baselines,
-        simulated_s=simulated,
+        best=final.best,
+        baselines=final.baselines,
+        simulated_s=simulated_s(known)
+        + winner.simulated_s
+        + ranks.simulated_s
+        + sum(entry.simulated_s for entry in study.entries)
+        + sum(verified.simulated_s for verified in final.all)
+        + sum(gait.verified.simulated_s for gait in front)
+        + sum(rung.simulated_s for rung in study.rungs),
         wall_s=time.monotonic() - began,
         front=front,
         rungs=study.rungs,
@@ -154,6 +150,37 @@ def _evaluator(problem: Problem, seed: int, executor: Executor, settings: Search
     scenarios = scenarios_of(problem, seed, Stream.SEARCH_SCENARIOS)
     setup = RobotSetup.of(problem, scenarios, problem.simulation.working)
     return Evaluator(setup, executor, problem.objective.search_margin, settings.raced_on)
+
+
+@dataclass(frozen=True)
+class _Verification:
+    """The winner, the baselines and the best planned gait, verified."""
+
+    best: Verified
+    baselines: list[Verified]
+    warm_start: WarmStart | None
+
+    @property
+    def all(self) -> list[Verified]:
+        """Every gait that was verified."""
+        return [self.best, *self.baselines, *([self.warm_start.verified] if self.warm_start else [])]
+
+
+def _verification(
+    problem: Problem, winner: Gait, elite: Elite | None, seed: int, executor: Executor
+) -> _Verification:
+    gaits = [winner, *problem.baselines.values(), *([elite.gait] if elite else [])]
+    best, *others = verify(problem, gaits, seed, executor)
+    warm = WarmStart(others.pop(), elite.predicted_speed_m_s) if elite else None
+    return _Verification(best, others, warm)
+
+
+def _notes(
+    warm: Planned, study: Study, baselines: Sequence[Verified], settings: SearchSettings
+) -> tuple[str, ...]:
+    """Return what the user should know."""
+    drifts = drift_notes(warm.plan.baselines, baselines, settings.drift_ratio) if warm.plan else ()
+    return warm.notes + drifts + failure_notes(study.entries, baselines)
 
 
 def _front(
