@@ -1,0 +1,1 @@
+"""The search for better gaits: solvers, stages, the study, its journal, its executors."""

@@ -1,5 +1,7 @@
 """Intervals of the mean."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -27,3 +29,11 @@ def test_nine_in_ten_intervals_hold_the_mean() -> None:
 
 def test_the_normal_distributions_point() -> None:
     assert stats.norm.ppf(0.95) == pytest.approx(NORMAL_95, abs=2e-4)
+
+
+def test_the_interval_is_students() -> None:
+    """Of 1, 2, 3: mean 2, standard error 1/sqrt(3), t(0.95, 2) = 2.920."""
+    low, high = interval90(np.array([1.0, 2.0, 3.0]))
+    half = 2.919986 / math.sqrt(3.0)
+    assert (low, high) == pytest.approx((2.0 - half, 2.0 + half), rel=1e-6)
+    assert interval90(np.array([2.0])) == (2.0, 2.0)

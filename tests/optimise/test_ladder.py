@@ -158,6 +158,7 @@ def test_only_gaits_of_the_working_fidelity_can_win(strider: Problem, tmp_path: 
     assert resumed.best.rung == WORKING
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [3, 6, 11, 20, 29, 46, 51, 55])
 def test_a_laddered_search_is_resumed_to_the_same_bits(strider: Problem, tmp_path: Path, rows: int) -> None:
     whole, path = tmp_path / "whole.csv", tmp_path / "evaluations.csv"
@@ -186,6 +187,7 @@ def test_a_front_is_made_of_gaits_of_one_rung(strider: Problem, tmp_path: Path) 
     assert optimised.rungs == []
 
 
+@pytest.mark.slow
 def test_the_report_says_how_low_the_search_went(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(search_settings, "DEFAULT", TRUSTING)
     folder = tmp_path / "run"

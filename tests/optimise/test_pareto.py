@@ -1,4 +1,4 @@
-"""Speed against cost of transport, and what the winner's speed depends on."""
+"""Speed against cost of transport."""
 
 import csv
 import json
@@ -13,19 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gaitopt.cli import app as cli
-from gaitopt.core.streams import Stream
 from gaitopt.optimise import pareto
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.run import Request, optimise
-from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, sensitivities
-from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.problem.robot import Robot
 from gaitopt.runs.summary import Summary
-from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.objective import Evaluation
-from gaitopt.simulation.rollout import Simulator
 
 NUMBERS = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=12)
 
@@ -162,41 +156,3 @@ def test_without_a_front_there_is_none(strider: Problem, tmp_path: Path) -> None
     optimised = optimise(strider, request, Journal(tmp_path / "e.csv", strider), SerialExecutor())
     assert optimised.front == []
     assert Summary.of(strider, optimised).pareto is None
-
-
-# --- sensitivities ----------------------------------------------------------------------------
-
-
-def test_sensitivities_are_paired_differences_over_common_scenarios(strider: Problem) -> None:
-    gait = strider.baselines["stride"]
-    found = {(one.kind, one.name): one for one in sensitivities(strider, gait, 1, SerialExecutor())}
-    variables = [variable.name for variable in strider.space.variables]
-    assert [name for kind, name in found if kind == "gait"] == variables
-    assert {name for kind, name in found if kind == "model"} == set(strider.file.parameters)
-    scenarios = scenarios_of(strider, 1, Stream.SENSITIVITY_SCENARIOS)
-
-    def speeds(factor: float) -> np.ndarray:
-        problem = strider.with_parameters({"k_servo": factor * strider.file.parameters["k_servo"].value})
-        simulator = Simulator.build(problem, scenarios)
-        robot = Robot.of(simulator.models[0])
-        runs = [simulator.run(gait, i) for i in range(len(scenarios))]
-        return np.array([measure(problem, gait, run, robot)["speed_m_s"] for run in runs])
-
-    nominal, down, up = speeds(1.0), speeds(1.0 - MODEL_STEP), speeds(1.0 + MODEL_STEP)
-    one = found["model", "k_servo"]
-    assert one.down == pytest.approx((down - nominal).mean(), abs=1e-12)
-    assert one.up == pytest.approx((up - nominal).mean(), abs=1e-12)
-    assert one.slope == pytest.approx((one.up - one.down) / 2.0, abs=1e-12)
-    spread = ((up - down) / 2.0).std(ddof=1) / math.sqrt(len(nominal))
-    assert one.noise == pytest.approx(1.894579 * spread, rel=1e-5)
-    assert any(abs(one.slope) > one.noise for one in found.values())
-
-
-def test_a_gaits_number_at_its_bound_moves_one_way_only(strider: Problem) -> None:
-    point = strider.space.encode(strider.baselines["stride"])
-    index = [variable.name for variable in strider.space.variables].index("rear.smoothing")
-    point[index] = 0.0
-    gait = strider.space.decode(point)
-    found = {one.name: one for one in sensitivities(strider, gait, 1, SerialExecutor())}
-    assert found["rear.smoothing"].down == pytest.approx(0.0, abs=1e-6)
-    assert GAIT_STEP < 0.5

@@ -1,0 +1,55 @@
+"""The run folder: nothing left of a run that did nothing, nothing lost of one that did, one run at a time."""
+
+from pathlib import Path
+
+import pytest
+from searching import run
+
+from gaitopt.core.errors import GaitoptError
+from gaitopt.optimise.journal import Journal
+from gaitopt.optimise.run import Request
+from gaitopt.problem.problem import Problem
+from gaitopt.runs.run_folder import RunFolder
+
+
+@pytest.mark.parametrize("existing", [False, True])
+def test_a_run_that_ends_before_its_first_gait_leaves_nothing(
+    strider: Problem, tmp_path: Path, existing: bool
+) -> None:
+    """Not even in a folder that was there and empty, which can be used again."""
+    path = tmp_path / "run"
+    if existing:
+        path.mkdir()
+    with pytest.raises(RuntimeError, match="stop"), RunFolder.create(path, strider, Request()) as folder:  # noqa: PT012
+        Journal(folder.journal, strider)
+        raise RuntimeError("stop")
+    assert path.exists() == existing
+    assert not existing or list(path.iterdir()) == []
+
+
+def test_a_run_that_was_interrupted_early_can_be_resumed(strider: Problem, tmp_path: Path) -> None:
+    """Reopening a folder whose journal has only a header, and stopping again, removes nothing."""
+    path = tmp_path / "run"
+    with RunFolder.create(path, strider, Request()) as folder:
+        journal = folder.journal
+        run(strider, journal, Request(seed=1, budget=2))
+    journal.write_text(journal.read_text().splitlines(keepends=True)[0])
+    reopened = RunFolder.reopen(path)
+    with reopened.folder:
+        pass
+    assert reopened.request == Request()
+    assert reopened.problem.file.parameters == strider.file.parameters
+    assert {"run.toml", "problem.toml", "model.xml", "evaluations.csv"} == {p.name for p in path.iterdir()}
+
+
+def test_two_runs_into_one_folder_are_refused(strider: Problem, tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    with RunFolder.create(path, strider, Request()):
+        before = sorted(p.name for p in path.iterdir())
+        second = RunFolder.reopen(path).folder
+        with pytest.raises(GaitoptError) as error, second:
+            pytest.fail("a second run got in")
+        assert str(error.value) == f"{path}: another run is working in this folder"
+        with pytest.raises(GaitoptError, match="already holds a run"):
+            RunFolder.create(path, strider, Request())
+        assert sorted(p.name for p in path.iterdir()) == before

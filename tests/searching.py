@@ -1,0 +1,34 @@
+"""Searches as the main job makes them, without a run folder."""
+
+from pathlib import Path
+
+from gaitopt.core.json import to_json
+from gaitopt.optimise.executors import open_executor
+from gaitopt.optimise.journal import Journal
+from gaitopt.optimise.run import Optimised, Request, optimise
+from gaitopt.optimise.study import SearchProgress
+from gaitopt.problem.problem import Problem
+from gaitopt.runs.summary import Summary
+
+BUDGET = 24
+
+
+def run(
+    problem: Problem,
+    path: Path,
+    request: Request,
+    workers: int = 1,
+    executor: str = "threads",
+    progress: list[SearchProgress] | None = None,
+) -> Optimised:
+    """Run the main job with its journal at `path`."""
+    seen: list[SearchProgress] = [] if progress is None else progress
+    with open_executor(executor, workers) as pool:
+        return optimise(problem, request, Journal(path, problem), pool, seen.append)
+
+
+def summary(problem: Problem, optimised: Optimised) -> str:
+    """The summary without the one figure that is a clock's."""
+    content = Summary.of(problem, optimised).to_dict()
+    assert content.pop("wall_s") > 0.0
+    return to_json(content)
