@@ -21,9 +21,6 @@ from gaitopt.robot.signals import is_marker, unit_of
 SIGNIFICANT = 2.0
 """A gap of this many floors is significant: what remains of a right model is below it in 95 of 100 cases."""
 
-DEFECT_COMPONENTS = {"marker_outliers": "noise", "frozen_frames": "noise", "clock_rounding": "timing"}
-"""Component of the gap that a defect of the record belongs to."""
-
 
 @dataclass(frozen=True)
 class SignalGap:
@@ -159,8 +156,8 @@ def trial_gap(
     for name in aligned.trial.signals:
         extra = dict.fromkeys(COMPONENTS, 0.0)
         for defect in cleaned.defects:
-            if defect.name in DEFECT_COMPONENTS:
-                extra[DEFECT_COMPONENTS[defect.name]] += defect.errors_m.get(name, 0.0) ** 2
+            if defect.component is not None:
+                extra[defect.component] += defect.errors_m.get(name, 0.0) ** 2
         splits[name] = split(aligned, name, transient, extra, settings.split)
     wrong = mismatches(aligned, transient, settings.mismatches)
     return TrialGap(cleaned, aligned, floors, splits, tuple(wrong))

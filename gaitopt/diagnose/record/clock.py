@@ -36,7 +36,9 @@ def _unsure(trial: Trial, first: int, grid: float) -> Found:
         f"and timing is known to ±{grid / 2:g} s only"
     )
     unsure = replace(trial, clock_s=grid / math.sqrt(12.0))
-    return unsure, Defect("clock_rounding", trial.name, message, 0, _span(trial, first), {}, {"grid_s": grid})
+    return unsure, Defect(
+        "clock_rounding", trial.name, message, 0, _span(trial, first), {}, {"grid_s": grid}, "timing"
+    )
 
 
 def _restored(trial: Trial, first: int, grid: float, even: Series) -> Found:
@@ -52,7 +54,7 @@ def _restored(trial: Trial, first: int, grid: float, even: Series) -> Found:
     # A grid that is a multiple of the frame leaves the clock free by one frame.
     restored = replace(trial, time=time, clock_s=min(grid, float(np.median(np.diff(even)))) / math.sqrt(12.0))
     return restored, Defect(
-        "clock_rounding", trial.name, message, 0, _span(trial, first), errors, {"grid_s": grid}
+        "clock_rounding", trial.name, message, 0, _span(trial, first), errors, {"grid_s": grid}, "timing"
     )
 
 

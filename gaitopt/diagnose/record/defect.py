@@ -25,6 +25,7 @@ class Defect:
         errors_m: RMS error over the whole trial that the defect put into each coordinate of the marker, m, as
             far as the record itself shows it.
         parameters: size of the defect by name: ``share``, ``grid_s``, ``ratio`` or ``scale_m_per_px``.
+        component: component of the gap that the error belongs to, if any; see `split.COMPONENTS`.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Defect:
     spans_s: tuple[tuple[float, float], ...] = ()
     errors_m: Mapping[str, float] = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
+    component: str | None = None
 
     @property
     def error_m(self) -> float:
@@ -42,7 +44,9 @@ class Defect:
 
     def to_dict(self) -> dict[str, object]:
         """Return the defect for a JSON file."""
-        return asdict(self) | {"error_m": self.error_m}
+        content = asdict(self) | {"error_m": self.error_m}
+        del content["component"]
+        return content
 
 
 Found = tuple[Trial, Defect | None]

@@ -44,7 +44,8 @@ def frozen(trial: Trial, settings: DefectSettings) -> Found:
     )
     cleaned = trial.masked(flags)
     errors = errors_of(trial, bridged(cleaned), flags)
-    return cleaned, Defect("frozen_frames", trial.name, message, int(flags.sum()), spans, errors)
+    count = int(flags.sum())
+    return cleaned, Defect("frozen_frames", trial.name, message, count, spans, errors, component="noise")
 
 
 def _frozen_flags(trial: Trial, settings: FrameSettings) -> Flags:

@@ -33,7 +33,9 @@ def outliers(trial: Trial, settings: DefectSettings) -> Found:
     )
     errors = errors_of(trial, better, flags)
     spans = spans_of(trial.time, flags)
-    return cleaned, Defect("marker_outliers", trial.name, message, count, spans, errors, {"share": share})
+    return cleaned, Defect(
+        "marker_outliers", trial.name, message, count, spans, errors, {"share": share}, "noise"
+    )
 
 
 def _outlier_flags(trial: Trial, settings: OutlierSettings) -> Flags:

@@ -41,7 +41,7 @@ def _masked(trial: Trial, grid: float, begin: float, settings: SteppedCurveSetti
     spans = ((float(trial.time[flags][0]), float(trial.time[-1])),)
     errors = errors_of(trial, better, flags)
     return trial.masked(flags), Defect(
-        "clock_rounding", trial.name, message, count, spans, errors, {"grid_s": grid}
+        "clock_rounding", trial.name, message, count, spans, errors, {"grid_s": grid}, "timing"
     )
 
 
