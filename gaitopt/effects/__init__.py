@@ -58,7 +58,7 @@ _IN_ORDER = (
     clock.CLOCK_ROUNDING,
     tracker.MARKER_OUTLIERS,
 )
-"""What is sent, then servos, hinges, bodies, contacts, then what is measured.
+"""Commands and servos, then hinges, bodies and contacts, then measurement.
 
 To add an effect, write its record in a file of `library` and add it here.
 """

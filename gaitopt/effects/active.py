@@ -1,4 +1,4 @@
-"""Effects switched on: what a problem file asks for, checked, and what it does to one robot."""
+"""Active effects: those that a problem file switches on, checked, and what they do to one robot."""
 
 from __future__ import annotations
 
@@ -147,18 +147,18 @@ class RobotEffects:
         return any(s.effect.loop is not None for s in self.active)
 
     def updates(self, model: mujoco.MjModel) -> list[Update]:
-        """Return what is to be called while `model`, which nothing else uses, runs."""
+        """Return the functions to call while `model` runs; nothing else may use that model."""
         return [s.effect.loop(self._parts(s, model), s.value) for s in self.active if s.effect.loop]
 
     def commands(self, sent: Commands, model: mujoco.MjModel) -> Commands:
-        """Return what arrives at the servos of what is `sent`, on the clock of the edited `model`."""
+        """Return what arrives at the servos when `sent` is sent, on the clock of the edited `model`."""
         for active in self.active:
             if active.effect.commands is not None:
                 sent = active.effect.commands(sent, active.value, self._parts(active, model))
         return sent
 
     def observe(self, trajectory: Trajectory, model: mujoco.MjModel, rng: np.random.Generator) -> Trajectory:
-        """Return a trajectory of the edited `model` as camera, tracker and clock give it."""
+        """Return a trajectory of the edited `model` as camera, tracker and clock measure it."""
         for active in self.active:
             if active.effect.observe is not None:
                 parts = self._parts(active, model)

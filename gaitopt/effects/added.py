@@ -1,4 +1,4 @@
-"""Parts that effects add to a model: their names, and what they share with the parts they belong to."""
+"""Parts that effects add to a model: their names, and the parts that they belong to."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def owner_of(name: str) -> str:
 
 
 def control_columns(model: mujoco.MjModel, channels: Sequence[str]) -> list[int]:
-    """Return the channel whose command each actuator gets: its own, or that of the one it belongs to."""
+    """Return the channel whose command each actuator gets; an added actuator gets its owner's."""
     names = [model.actuator(i).name for i in range(model.nu)]
     return [channels.index(owner_of(name) if is_added(name) else name) for name in names]
 
@@ -35,10 +35,9 @@ def control_columns(model: mujoco.MjModel, channels: Sequence[str]) -> list[int]
 def transferred(
     qpos: NDArray[np.float64], nominal: mujoco.MjModel, model: mujoco.MjModel
 ) -> NDArray[np.float64]:
-    """Return a nominal robot's pose for a model with the same joints in the same order and added ones.
+    """Return a nominal robot's pose for a model that has the same joints in the same order, and added ones.
 
-    Each joint keeps its distance from its reference; an added one stands where the joint that it belongs
-    to does.
+    Each joint keeps its distance from its reference; an added joint has its owner's angle.
     """
     pose = np.array(model.qpos0)
     own = [j for j in range(model.njnt) if not is_added(model.joint(j).name)]
@@ -50,7 +49,7 @@ def transferred(
 
 
 def with_added(pose: NDArray[np.float64], model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Return joint angles, shape (nq,), in which each added joint has its owner's."""
+    """Return joint angles, shape (nq,), in which each added joint has its owner's angle."""
     pose = np.array(pose)
     for joint in range(model.njnt):
         name = model.joint(joint).name

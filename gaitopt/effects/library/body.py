@@ -1,4 +1,4 @@
-"""Masses, lengths and outside forces: what a drawing and a scale get wrong."""
+"""Masses, lengths, gravity and outside forces."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ PAYLOAD_MASS = Effect(
     low=0.0,
     high=0.6,
     scale="lin",
-    prior=Prior("half-normal", 0.0, 0.12, "glue, wires and connectors that nobody weighed"),
+    prior=Prior("half-normal", 0.0, 0.12, "glue, wires and connectors that were not weighed"),
     reference=lambda parts: parts.mass,
     reference_name="the robot's mass",
     allowed=(0.0, math.inf),
@@ -102,14 +102,16 @@ LINK_INERTIA = Effect(
     low=0.3,
     high=3.0,
     scale="log",
-    prior=Prior("log-normal", 1.0, 0.3, "boxes of even density stand for panels, servos, brackets and glue"),
+    prior=Prior(
+        "log-normal", 1.0, 0.3, "boxes of uniform density stand for panels, servos, brackets and glue"
+    ),
     allowed=(0.0, math.inf),
     model=_scale_inertia,
 )
 
 
 def _scale_lengths(spec: mujoco.MjSpec, nominal: Parts, scale: float) -> None:
-    """Put the robot into a frame that scales lengths, and inertias with their square, but not masses."""
+    """Put the robot into a frame that scales lengths, and inertias by the square, but not masses."""
     frame = spec.worldbody.add_frame(
         scale=[scale] * 3, massscale=1.0, scaling=mujoco.mjtScaling.mjSCALING_GEOMETRY
     )
@@ -131,7 +133,7 @@ GEOMETRY_SCALE = Effect(
     high=1.15,
     scale="log",
     prior=Prior(
-        "log-normal", 1.0, 0.03, "laser cut to 0.2 mm; folds and hinge gaps take or give a few mm in 50"
+        "log-normal", 1.0, 0.03, "laser cut to 0.2 mm; folds and hinge gaps change 50 mm by a few mm"
     ),
     allowed=(0.0, 100.0),
     structure=_scale_lengths,
@@ -139,7 +141,7 @@ GEOMETRY_SCALE = Effect(
 
 
 def _add_tether(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
-    """Add an actuator that needs no command: a force on the first body, along an axis of the world."""
+    """Add an actuator that needs no command: a force on the first body along an axis of the world."""
     first = spec.bodies[FIRST_BODY]
     name = added_name("tether", nominal.channels[0])
     first.add_site(name=name, pos=nominal.model.body_ipos[FIRST_BODY])

@@ -19,7 +19,7 @@ from gaitopt.robot.trajectory import Trajectory
 def moved_marker(
     trajectory: Trajectory, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]
 ) -> Trajectory:
-    """Return the trajectory with another marker path; coordinates that were not measured stay absent.
+    """Return the trajectory with another marker path; coordinates that were not measured stay out.
 
     Args:
         trajectory: what is filmed.

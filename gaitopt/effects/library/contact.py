@@ -1,4 +1,4 @@
-"""Stiffness of contacts."""
+"""Compliance of contacts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gaitopt.effects.prior import Prior
 
 
 def _soften(parts: Parts, scale: float, _: float) -> None:
-    """Scale time constants; of the other format (-stiffness, -damping), by what a time constant is in it."""
+    """Scale time constants; in the format (-stiffness, -damping), stiffness and damping to match."""
     for solref in (parts.model.geom_solref, parts.model.pair_solref):
         direct = solref[:, 0] < 0.0
         solref[~direct, 0] *= scale
@@ -27,7 +27,7 @@ CONTACT_COMPLIANCE = Effect(
     high=4.0,
     scale="log",
     prior=Prior(
-        "log-normal", 1.0, 0.5, "chosen for the simulator, not measured; tape, glue and card give way"
+        "log-normal", 1.0, 0.5, "chosen for the simulator, not measured; tape, glue and card are compliant"
     ),
     allowed=(0.0, math.inf),
     model=_soften,

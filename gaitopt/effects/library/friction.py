@@ -14,7 +14,7 @@ from gaitopt.effects.prior import Prior
 
 
 class Friction:
-    """The coefficients of some geoms of a model, on the geoms and on the pairs they are in."""
+    """The coefficients of some geoms of a model, and of the pairs that have them."""
 
     def __init__(self, model: mujoco.MjModel, geoms: Sequence[int]):
         self._model = model
@@ -56,7 +56,7 @@ PAD_FRICTION = Effect(
     high=3.0,
     scale="log",
     prior=Prior(
-        "log-normal", 1.0, 0.25, "dust, wear and another floor change tape's and glue's grip by a quarter"
+        "log-normal", 1.0, 0.25, "dust, wear and another floor change the grip of tape and glue by a quarter"
     ),
     allowed=(0.0, math.inf),
     role="pads",

@@ -1,4 +1,7 @@
-"""Friction that depends on the direction of slip."""
+"""Friction that depends on the direction of slip.
+
+MuJoCo's geoms have one coefficient for all directions; pairs of geoms have one for each of two fixed axes.
+"""
 
 from __future__ import annotations
 
@@ -33,12 +36,12 @@ def _not_along_an_axis(parts: Parts) -> str | None:
     if not parts.touching:
         return "the problem names no roles.pads and no roles.body"
     if not any(can_touch_ground(parts.model, geom) for geom in parts.touching):
-        return "no pad or body geom meets a geom of the world"
+        return "no pad or body geom collides with a geom of the world"
     return None
 
 
 def _add_pairs(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
-    """Make an explicit pair of every geom that touches with every geom of the world that it meets."""
+    """Add a pair for each geom that may touch the ground and each geom of the world that it collides with."""
     for geom in nominal.touching:
         for ground in ground_geoms(nominal.model):
             if can_touch(nominal.model, geom, ground):
@@ -49,7 +52,7 @@ def _add_pairs(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
 
 
 def _set_pairs(parts: Parts, ratio: float, _: float) -> None:
-    """Give each added pair what its geoms would give it, and the sideways coefficient."""
+    """Give each added pair the values that its geoms would have, and the sideways coefficient."""
     model = parts.model
     forward, _left, up = parts.axes
     sideways = int(np.abs(_contact_axes(up) @ forward).argmin())
@@ -101,10 +104,10 @@ def _sense_pads(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
 
 
 def _directed(parts: Parts, ratio: float) -> Update:
-    """Return what sets each pad's coefficient from the direction of the ground's force on it.
+    """Return the loop that sets each pad's coefficient from the direction of the ground's force on it.
 
-    A force forward resists a backward slip, whether the pad slips yet or sticks. Between backward and
-    sideways the coefficient lies on an ellipse; forward and sideways it is the nominal one.
+    A forward force resists backward slip, whether the pad slips already or still sticks. Between backward
+    and sideways the coefficient lies on an ellipse; forward and sideways it is the nominal one.
     """
     friction = Friction(parts.model, parts.pads)
     addresses = load_addresses(parts, parts.pads)
@@ -135,7 +138,9 @@ FRICTION_DIRECTION = Effect(
     low=0.3,
     high=3.0,
     scale="log",
-    prior=Prior("log-normal", 1.0, 0.3, "a pad's edge digs in one way and is dragged over the other"),
+    prior=Prior(
+        "log-normal", 1.0, 0.3, "a pad's edge digs in when it slips one way and glides the other way"
+    ),
     allowed=(0.0, math.inf),
     role="pads",
     structure=_sense_pads,

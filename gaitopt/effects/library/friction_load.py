@@ -1,4 +1,4 @@
-"""Friction that depends on the load of a contact."""
+"""Friction that depends on the load of a contact; the coefficient is set while the model runs."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ _LOADED = 0.02
 """A geom that carries less than this share of the robot's weight does not count as loaded."""
 
 _LOAD_S = 0.02
-"""Time constant over which a load counts: a simulated contact chatters, a power of its force would not
-have the power of its mean."""
+"""Time constant over which loads are averaged, s: a simulated contact chatters, and the mean of a power of
+its force is not the power of its mean."""
 
 _STAND_S = 0.05
 """Time over which the loads at the start are averaged."""
 
 
 _FACTORS = (0.2, 5.0)
-"""How far load may change a coefficient: a pad that hardly touches has no measured coefficient."""
+"""Smallest and largest factor on a coefficient: at hardly any load, no coefficient has been measured."""
 
 
 def _sense_all(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
@@ -49,7 +49,7 @@ def _mean_load(parts: Parts, addresses: Sequence[int]) -> float:
 
 
 def _loaded(parts: Parts, exponent: float) -> Update:
-    """Return what sets each coefficient to mu (load / mean load)^(-exponent), of smoothed loads."""
+    """Return the loop that sets each coefficient to mu (load / mean load)^(-exponent); loads are smoothed."""
     geoms = parts.touching
     friction = Friction(parts.model, geoms)
     addresses = load_addresses(parts, geoms)
@@ -78,16 +78,15 @@ def _nothing_touches(parts: Parts) -> str | None:
 
 FRICTION_LOAD = Effect(
     name="friction_load",
-    summary="coefficients go with load^(-exponent) about the mean load of the geoms that carry the robot",
+    summary="coefficients are proportional to load^(-exponent), nominal at the mean load of the geoms that "
+    "carry the robot",
     parameter="exponent",
     unit="",
     neutral=0.0,
     low=-0.3,
     high=1.0,
     scale="lin",
-    prior=Prior(
-        "normal", 0.0, 0.2, "0 is Amontons' law; a smooth elastic contact goes with load^(-1/3) (Hertz)"
-    ),
+    prior=Prior("normal", 0.0, 0.2, "0 is Amontons' law; a smooth elastic contact has load^(-1/3) (Hertz)"),
     allowed=(-1.0, 1.0),
     missing=_nothing_touches,
     structure=_sense_all,

@@ -1,7 +1,7 @@
-"""Passive hinges of a laminate: not quite linear, not quite elastic, not quite alike.
+"""Passive hinges of a laminate: stiffness, damping, friction, hysteresis and asymmetry.
 
-The nominal hinge is a spring and a damper, torque -k q - b dq/dt [N m]. A hinge that a servo turns as
-well keeps its spring here; its damping is the servo's.
+The nominal hinge is a spring and a damper, torque -k q - b dq/dt [N m]. Of a hinge that a
+servo turns as well, only the spring belongs here; the damping is the servo's.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _SOLIMP = (0.9999, 0.9999, 1e-3, 0.5, 2.0)
 """Dry friction that holds: with MuJoCo's default impedance a joint held by friction creeps."""
 
 _OFF_CENTRE = 0.05
-"""A hinge nearer to the middle plane than this share of the outermost one's distance has no side."""
+"""A hinge counts as left or right beyond this share of the outermost hinge's distance from the middle."""
 
 
 def hinge_stiffness(parts: Parts) -> float:
@@ -76,7 +76,7 @@ HINGE_NONLINEARITY = Effect(
         "normal",
         0.0,
         0.7,
-        "folded laminates harden toward 90 degrees, by up to their linear stiffness at 1 rad",
+        "folded laminates harden towards 90 degrees, by up to their linear stiffness at 1 rad",
     ),
     reference=hinge_stiffness,
     reference_name="the hinges' stiffness",
@@ -109,7 +109,7 @@ HINGE_DAMPING = Effect(
         "log-normal",
         1.0,
         1.5,
-        "a ring-down misses most of a film's loss; assembled robots are more damped by far",
+        "a ring-down test misses most of a film's loss; assembled robots are damped far more",
     ),
     allowed=(0.0, math.inf),
     role="hinges",
@@ -154,7 +154,7 @@ def _let_yield(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
 
 
 def _set_yield(parts: Parts, torque: float, _: float) -> None:
-    """Let each spring shift beyond the angle at which it carries `torque`."""
+    """Let each spring yield beyond the angle at which it carries `torque`."""
     stiffness = parts.model.jnt_stiffness[parts.hinges]
     angles = np.full(len(stiffness), 1e9)
     np.divide(torque, stiffness, out=angles, where=stiffness > 0.0)
@@ -163,7 +163,7 @@ def _set_yield(parts: Parts, torque: float, _: float) -> None:
 
 HINGE_HYSTERESIS = Effect(
     name="hinge_hysteresis",
-    summary="elasto-plastic hinges: the spring gives way at this torque and keeps its new rest angle",
+    summary="elasto-plastic hinges: the spring yields at this torque and keeps its new rest angle",
     parameter="yield_n_m",
     unit="N m",
     neutral=math.inf,
@@ -182,7 +182,7 @@ HINGE_HYSTERESIS = Effect(
 
 
 def _sides(parts: Parts) -> tuple[list[int], list[int]]:
-    """Return the hinges left and right of the middle of them all, in the reference pose."""
+    """Return the hinges on the left and on the right of their middle, in the reference pose."""
     left_axis = parts.axes[1]
     across = parts.at_zero.xanchor[parts.hinges] @ left_axis
     across = across - 0.5 * (across.max(initial=-math.inf) + across.min(initial=math.inf))
@@ -195,7 +195,7 @@ def _sides(parts: Parts) -> tuple[list[int], list[int]]:
 def _one_sided(parts: Parts) -> str | None:
     left, right = _sides(parts)
     if not (left and right):
-        return "there are not hinges on both sides"
+        return "there are no hinges on one side"
     return _no_stiffness(parts)
 
 

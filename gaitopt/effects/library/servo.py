@@ -1,4 +1,4 @@
-"""What effects of servos share: what a nominal servo is, and its limit of torque.
+"""The nominal servo: its torque limit, and whether it turns a joint.
 
 A nominal servo is a MuJoCo position actuator: torque kp (ctrl - q) [N m], clipped to its `forcerange`,
 on a joint whose `damping` is the slope of the motor's torque-speed line and whose `armature` is the
@@ -16,6 +16,7 @@ from gaitopt.effects.parts import Parts
 
 
 def drives_no_joint(parts: Parts) -> str | None:
+    """Return that an actuator of the target does not turn a joint, or None."""
     if not parts.servo_joints or min(parts.servo_joints) < 0:
         return "an actuator does not turn a joint"
     return None
@@ -34,7 +35,7 @@ def torque_limit(parts: Parts) -> float:
 
 
 def torque_scale(parts: Parts) -> float:
-    """Return the torque limit, or where there is none the torque at an error of 5 degrees, N m."""
+    """Return the torque limit, N m; where there is none, the torque at an error of 5 degrees."""
     limit = torque_limit(parts)
     if math.isfinite(limit):
         return limit

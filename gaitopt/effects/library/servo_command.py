@@ -1,4 +1,4 @@
-"""The angle that a servo makes of its command: its travel, its zero, how fast it follows."""
+"""The angle that a servo follows: the gain, zero offset and speed limit of its command."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from gaitopt.gait.drive import Commands
 
 
 def _scale_travel(sent: Commands, gain: float, parts: Parts) -> Commands:
-    def turned(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scaled(time: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = sent(time).copy()
         rows[:, parts.servos] *= gain
         return rows
 
-    return turned
+    return scaled
 
 
 SERVO_TRAVEL = Effect(
@@ -45,12 +45,12 @@ SERVO_TRAVEL = Effect(
 
 
 def _offset(sent: Commands, offset: float, parts: Parts) -> Commands:
-    def turned(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shifted(time: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = sent(time).copy()
         rows[:, parts.servos] += offset
         return rows
 
-    return turned
+    return shifted
 
 
 SERVO_TRIM = Effect(
@@ -63,7 +63,7 @@ SERVO_TRIM = Effect(
     high=0.26,
     scale="lin",
     prior=Prior(
-        "normal", 0.0, 0.07, "a horn goes on in steps of 360/21 = 17 degrees, so at worst 8.6 degrees off"
+        "normal", 0.0, 0.07, "a horn is mounted in steps of 360/21 = 17 degrees, so at worst 8.6 degrees off"
     ),
     target="any",
     commands=_offset,
@@ -71,23 +71,25 @@ SERVO_TRIM = Effect(
 
 
 def _limit_speed(sent: Commands, limit: float, parts: Parts) -> Commands:
-    """Let the angle that the servo follows slew no faster than `limit` from the angle held before."""
+    """Limit the speed of the angle that the servo follows, from the angle held before."""
     step_s, servos = parts.step_s, parts.servos
-    most = limit * step_s
+    largest = limit * step_s
 
     def followed(time: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = sent(time).copy()
         before = sent(time[:1] - step_s)[0]
         for i in servos:
-            rows[:, i] = _slewed(before[i], rows[:, i].tolist(), most)
+            rows[:, i] = _slewed(before[i], rows[:, i].tolist(), largest)
         return rows
 
     return followed
 
 
-def _slewed(before: float, angles: Iterable[float], most: float) -> list[float]:
+def _slewed(before: float, angles: Iterable[float], largest: float) -> list[float]:
+    """Return angles that follow others from `before`, rad, by at most `largest` a step."""
+
     def follow(at: float, asked: float) -> float:
-        return min(max(asked, at - most), at + most)
+        return min(max(asked, at - largest), at + largest)
 
     return list(accumulate(angles, follow, initial=before))[1:]
 

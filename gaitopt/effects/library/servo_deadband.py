@@ -1,4 +1,4 @@
-"""The error of angle that a servo does nothing about."""
+"""The dead band: errors of angle that a servo ignores."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from gaitopt.effects.prior import Prior
 
 
 def _add_opposition(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
-    """Add to each servo an actuator that takes back what it does while its error is small.
+    """Add to each servo an actuator that cancels its torque while its error is small.
 
     kp clip(e, -d, d) subtracted from kp e leaves kp (e - d) outside the band and nothing inside. The
-    servo's torque is then the joint's.
+    servo's torque is then measured at the joint.
     """
     for index in nominal.servos:
         servo = spec.actuators[index]
@@ -39,6 +39,7 @@ def _add_opposition(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
 
 
 def _oppose(parts: Parts, half_width: float, _: float) -> None:
+    """Set the band; a servo with a torque limit may use it all beyond the band."""
     model = parts.model
     for servo in parts.servos:
         opposed = model.actuator(added_name("dead_band", model.actuator(servo).name)).id
@@ -75,7 +76,7 @@ SERVO_DEADBAND = Effect(
 
 
 def net_torque_limits(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Return each actuator's upper torque limit less what a dead band takes back of it, N m, shape (nu,)."""
+    """Return each actuator's upper torque limit less what a dead band cancels of it, N m, shape (nu,)."""
     limits = np.array(model.actuator_forcerange[:, 1])
     for i in range(model.nu):
         name = model.actuator(i).name

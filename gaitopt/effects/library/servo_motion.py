@@ -75,7 +75,7 @@ def _armature(parts: Parts) -> float:
 
 
 def _armature_scale(parts: Parts) -> float:
-    """Return the nominal armature, or where there is none the inertia that the servo turns, kg m^2."""
+    """Return the nominal armature, kg m^2; where there is none, the inertia that the servo turns."""
     return _armature(parts) or float(parts.model.dof_M0[parts.servo_dofs].max(initial=1e-6))
 
 

@@ -15,20 +15,20 @@ _LINK_SHARE = 0.05
 """Share of a servo's inertia and damping on the link's side of its free play: horn and output shaft."""
 
 _LEAST_INERTIA = 0.05
-"""Inertia of a rotor without armature, in inertias of its link: without any, it could not be moved."""
+"""Inertia of a rotor without armature, as a share of its link's: it needs some to be simulated."""
 
 _STOP_S = 2e-3
-"""Time constant of the stop at the end of the free play; the shortest that a step of 1 ms can integrate."""
+"""Time constant of the stop at the end of the free play, s: the shortest that steps of 1 ms can integrate."""
 
 _HARD = (0.9999, 0.9999, 1e-3, 0.5, 2.0)
-"""Impedance of that stop: a full 0.25 N m presses into it by less than 1e-4 rad."""
+"""Impedance of that stop: a torque of 0.25 N m presses into it by less than 1e-4 rad."""
 
 
 def _add_rotor(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
-    """Put the servo on a joint of its own, which carries the link between two stops.
+    """Give the servo a joint of its own, which moves the link between two stops.
 
-    The rotor turns about an axis fixed in the world: all its inertia is armature, which acts along its
-    own coordinate and nowhere else. The link's joint keeps its name, limits, springs and couplings.
+    The rotor turns about an axis fixed in the world. All its inertia is armature, which acts along its
+    own coordinate only. The link's joint keeps its name, limits, springs and couplings.
     """
     for index, joint in zip(nominal.servos, nominal.servo_joints, strict=True):
         actuator, link = spec.actuators[index], spec.joints[joint]

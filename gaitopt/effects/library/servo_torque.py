@@ -1,4 +1,4 @@
-"""The torque that a servo can give."""
+"""The torque that a servo can produce."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SERVO_TORQUE_LIMIT = Effect(
         "log-normal",
         0.85,
         0.35,
-        "datasheets of 9 g servos: 1.2 to 2.5 kgf cm at 4.8 V; copies, a sagging supply and heat take more",
+        "datasheets of 9 g servos: 1.2 to 2.5 kgf cm at 4.8 V; copies, a sagging supply and heat lower it",
     ),
     reference=torque_scale,
     reference_name="the nominal limit",

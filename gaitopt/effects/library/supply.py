@@ -16,17 +16,18 @@ from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 
 _SUPPLY_S = 0.01
-"""Time constant with which the limits follow the torques: assumed, half a servo's frame; without one the
-limits chatter."""
+"""Time constant with which the limits follow the torques, s: assumed, half a servo's frame. Without one
+the limits chatter."""
 
 
 def _no_limit(parts: Parts) -> str | None:
     if not math.isfinite(torque_limit(parts)):
-        return "a servo has no torque limit to fall"
+        return "a servo has no torque limit that can fall"
     return drives_no_joint(parts)
 
 
 def _sense_torques(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
+    """Add a sensor of each servo's torque."""
     for index in range(len(nominal.channels)):
         actuator = spec.actuators[index]
         spec.add_sensor(
@@ -38,7 +39,7 @@ def _sense_torques(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
 
 
 def _sag(parts: Parts, share: float) -> Update:
-    """Return what sets each limit to L (1 - share drawn), where drawn is sum|torque| / sum L, smoothed."""
+    """Return the loop that sets each limit to L (1 - share drawn); drawn is sum|torque| / sum L, smoothed."""
     model, servos = parts.model, parts.servos
     names = [added_name("torque", model.actuator(i).name) for i in range(len(parts.channels))]
     addresses = [int(model.sensor(name).adr[0]) for name in names]
@@ -58,7 +59,7 @@ def _sag(parts: Parts, share: float) -> Update:
 
 SERVO_SAG = Effect(
     name="servo_sag",
-    summary="shared supply: the torque available falls by this share when all servos draw all of theirs",
+    summary="shared supply: the torque available falls by this share when all servos draw their full torque",
     parameter="share_lost",
     unit="",
     neutral=0.0,
@@ -70,7 +71,7 @@ SERVO_SAG = Effect(
         0.0,
         0.25,
         "three stalled 9 g servos draw about 2 A; 0.3 to 0.6 ohm of cable, breadboard and regulator take "
-        "0.6 to 1.2 V of 5 V, and stall torque goes with voltage",
+        "0.6 to 1.2 V of 5 V, and stall torque is proportional to voltage",
     ),
     allowed=(0.0, 1.0),
     target="any",

@@ -17,23 +17,23 @@ from gaitopt.robot.trajectory import Trajectory
 
 
 def _in_steps(delay: float, step_s: float) -> tuple[int, float]:
-    """Return the whole steps of the clock in a delay, and what is left of a step as its share."""
+    """Return the whole steps of the clock in a delay, and the rest as a share of a step."""
     whole = math.floor(delay / step_s + 1e-6)
     rest = delay / step_s - whole
     return whole, rest if rest > 1e-6 else 0.0
 
 
 def _delay_all(sent: Commands, delay: float, parts: Parts) -> Commands:
-    """Return the commands late by the whole steps of the clock in `delay`; `_see_late` has the rest."""
+    """Return the commands, delayed by whole steps of the clock; `_see_late` adds the rest of `delay`."""
     whole, _ = _in_steps(delay, parts.step_s)
     return lambda time: sent(time - whole * parts.step_s)
 
 
 def _see_late(trajectory: Trajectory, delay: float, parts: Parts, __: np.random.Generator) -> Trajectory:
-    """Return the trajectory late by what `_delay_all` leaves of a delay.
+    """Return the trajectory, delayed by the part of a step that `_delay_all` leaves out.
 
-    A robot at rest, all of whose commands come later, does the same later. What is sent is held
-    for a step, and stays in it.
+    A robot that starts at rest and gets all commands later does the same later. A command is held for a
+    step, so that a shift of the whole motion is exact.
     """
     _, rest = _in_steps(delay, parts.step_s)
     return replace(trajectory, time=trajectory.time + rest * parts.step_s) if rest else trajectory
@@ -65,21 +65,22 @@ def _saturation(parts: Parts) -> NDArray[np.float64]:
 
 
 def _delay_one(sent: Commands, delay: float, parts: Parts) -> Commands:
-    """Return the commands, those of the target `delay` s late; where one changes within a step, in part.
+    """Return the commands with those of the target delayed by `delay`, s.
 
-    A command that changes within a step should act for the rest of that step. So the servo gets that part
-    of the change, of as much of it as it answers to: more than saturates it would act like all of it, and
-    delays would go in whole steps. Exact where the servo has come to rest under the command before; where
-    it has not, a jump is up to a step off.
+    A command that changes within a step should act for the rest of that step. So in that step the servo
+    gets only this share of the change. The change is first limited to the error that saturates the servo:
+    a larger one would act like the whole change, and only delays of whole steps would differ. The result
+    is exact where the servo has come to rest under the command before; elsewhere a jump is up to a step
+    off.
     """
-    step_s, servos, most = parts.step_s, parts.servos, _saturation(parts)
+    step_s, servos, largest = parts.step_s, parts.servos, _saturation(parts)
     whole, rest = _in_steps(delay, step_s)
 
     def late(time: NDArray[np.float64]) -> NDArray[np.float64]:
         shifted = sent(time - whole * step_s)[:, servos]
         if rest:
             before = sent(time - (whole + 1) * step_s)[:, servos]
-            shifted = before + (1.0 - rest) * np.clip(shifted - before, -most, most)
+            shifted = before + (1.0 - rest) * np.clip(shifted - before, -largest, largest)
         rows = sent(time).copy()
         rows[:, servos] = shifted
         return rows
@@ -97,7 +98,7 @@ CHANNEL_TIMING = Effect(
     high=0.15,
     scale="lin",
     prior=Prior(
-        "normal", 0.0, 0.04, "commands written one after another in MicroPython, with sleeps between"
+        "normal", 0.0, 0.04, "commands written one after another in MicroPython, with sleeps between them"
     ),
     allowed=(-10.0, 10.0),
     target="one",

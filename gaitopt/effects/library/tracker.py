@@ -18,7 +18,7 @@ _JUMP = (0.2, 1.0)
 
 
 def _jump(trajectory: Trajectory, share: float, parts: Parts, rng: np.random.Generator) -> Trajectory:
-    """Move a share of the samples, each on its own, by a random distance across the picture."""
+    """Move a share of the samples, each independently, by a random distance in the plane of the picture."""
     count = len(trajectory.time)
     hit = rng.random(count) < share
     angle = rng.uniform(0.0, 2.0 * math.pi, count)
