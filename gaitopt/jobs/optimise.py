@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -22,7 +22,7 @@ from gaitopt.optimise.stages import DEFAULT_METHOD, method_of
 from gaitopt.optimise.study import OnSearchProgress
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
-from gaitopt.runs.run_folder import RunFolder
+from gaitopt.runs.run_folder import Reopened, RunFolder
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import check_searchable
 
@@ -54,13 +54,54 @@ class OptimiseRun:
 
 
 @dataclass(frozen=True)
-class _Work:
-    """What a search is to do: the problem, the request, whether the report is a full one, and where."""
+class _Asked:
+    """What was asked for of a search; None where it was left to the default, or to the run resumed."""
 
-    problem: Problem
-    request: Request
-    sensitivities: bool
+    budget: int | None
+    seed: int | None
+    method: str | None
+    warm_start: bool | None
+    pareto: bool | None
+    out: Out
+
+    def check_resumed(self, folder: Path | str) -> None:
+        """Check that nothing is asked for that a resumed run takes from its folder.
+
+        Raises:
+            GaitoptError: something is.
+        """
+        for field in fields(self):
+            if getattr(self, field.name) is not None:
+                name = field.name.replace("_", "-")
+                raise GaitoptError(f"--{name}: not with --resume, which takes it from {folder}")
+
+    def request(self) -> Request:
+        """Return the request.
+
+        Raises:
+            GaitoptError: a part of it is not allowed.
+        """
+        budget = DEFAULT_BUDGET if self.budget is None else self.budget
+        if budget < 1:
+            raise GaitoptError(f"--budget: found {budget}; allowed: 1 or more")
+        seed = checked_seed(1 if self.seed is None else self.seed)
+        method = method_of(self.method or DEFAULT_METHOD.name).name
+        return Request(seed, budget, method, self.warm_start is not False, bool(self.pareto))
+
+
+@dataclass(frozen=True)
+class _Work:
+    """How a search is done and reported.
+
+    Attributes:
+        full: whether the report has a film.
+        sensitivities: whether it has the sensitivities of the best gait.
+        executor, workers: where rollouts run; see `opened`.
+        on_progress: called as each batch of gaits ends.
+    """
+
     full: bool
+    sensitivities: bool
     executor: Executor | str
     workers: int | None
     on_progress: OnSearchProgress
@@ -108,72 +149,62 @@ def optimise(
         Stopped: Ctrl-C ended a search that can be resumed.
     """
     check_executor(executor, workers)
+    asked = _Asked(budget, seed, method, warm_start, pareto, out)
+    work = _Work(full, full and sensitivity, executor, workers, on_progress)
     if resume is not None:
-        given = {
-            "budget": budget,
-            "seed": seed,
-            "method": method,
-            "warm-start": warm_start,
-            "pareto": pareto,
-            "out": out,
-        }
-        for name, value in given.items():
-            if value is not None:
-                raise GaitoptError(f"--{name}: not with --resume, which takes it from {resume}")
-        reopened = RunFolder.reopen(Path(resume))
-        folder, problem, request = reopened.folder, reopened.problem, reopened.request
-    else:
-        if problem is None:
-            raise GaitoptError("optimise: found no problem and no run to resume")
-        problem = carrying(problem)
-        request = _request(budget, seed, method, warm_start is not False, bool(pareto))
-        check_searchable(problem)
-        if out is None:
-            work = _Work(problem, request, False, False, executor, workers, on_progress)
-            with TemporaryDirectory() as name:
-                optimised, _ = _search(work, Path(name) / "evaluations.csv")
-            return OptimiseRun(Summary.of(problem, optimised), None, optimised)
-        folder = RunFolder.create(out_folder(out), problem, request)
-    work = _Work(problem, request, full and sensitivity, full, executor, workers, on_progress)
-    with folder, _stoppable(folder, problem):
-        return _in_folder(folder, work)
+        asked.check_resumed(resume)
+        return _in_folder(RunFolder.reopen(Path(resume)), work)
+    if problem is None:
+        raise GaitoptError("optimise: found no problem and no run to resume")
+    problem, request = carrying(problem), asked.request()
+    check_searchable(problem)
+    if out is None:
+        return _in_memory(problem, request, work)
+    folder = RunFolder.create(out_folder(out), problem, request)
+    return _in_folder(Reopened(folder, problem, request), work)
 
 
-def _request(budget: int | None, seed: int | None, method: str | None, warm: bool, pareto: bool) -> Request:
-    """Return a request.
-
-    Raises:
-        GaitoptError: a part of it is not allowed.
-    """
-    budget = DEFAULT_BUDGET if budget is None else budget
-    if budget < 1:
-        raise GaitoptError(f"--budget: found {budget}; allowed: 1 or more")
-    seed = checked_seed(1 if seed is None else seed)
-    return Request(seed, budget, method_of(method or DEFAULT_METHOD.name).name, warm, pareto)
+def _in_memory(problem: Problem, request: Request, work: _Work) -> OptimiseRun:
+    """Search, and leave nothing behind."""
+    with TemporaryDirectory() as name:
+        searched = _search(
+            problem, request, Path(name) / "evaluations.csv", replace(work, sensitivities=False)
+        )
+    return OptimiseRun(Summary.of(problem, searched.optimised), None, searched.optimised)
 
 
-def _search(work: _Work, journal: Path) -> tuple[Optimised, list[Sensitivity]]:
-    """Search, or go on with a search whose journal holds the beginning."""
-    problem = carrying(work.problem)
-    with opened(work.executor, work.workers) as pool:
-        optimised = search.optimise(problem, work.request, Journal(journal, problem), pool, work.on_progress)
-        if not work.sensitivities:
-            return optimised, []
-        return optimised, sensitivities(problem, optimised.best.gait, work.request.seed, pool)
-
-
-def _in_folder(folder: RunFolder, work: _Work) -> OptimiseRun:
+def _in_folder(run: Reopened, work: _Work) -> OptimiseRun:
     """Do or go on with the work of a run; a finished one is only read."""
     from gaitopt.report.search import write_report
 
-    finished = folder.summary
-    if finished is not None:
-        return OptimiseRun(finished, folder.path, None)
-    optimised, sensitive = _search(work, folder.journal)
-    problem = carrying(work.problem)
-    write_report(folder, problem, optimised, work.full, sensitive)
-    summary = folder.write_results(problem, optimised)  # last: it says that the run is done
-    return OptimiseRun(summary, folder.path, optimised)
+    folder = run.folder
+    with folder, _stoppable(folder, run.problem):
+        finished = folder.summary
+        if finished is not None:
+            return OptimiseRun(finished, folder.path, None)
+        problem = carrying(run.problem)
+        searched = _search(problem, run.request, folder.journal, work)
+        write_report(folder, problem, searched.optimised, work.full, searched.sensitivities)
+        summary = folder.write_results(problem, searched.optimised)  # last: it says that the run is done
+        return OptimiseRun(summary, folder.path, searched.optimised)
+
+
+@dataclass(frozen=True)
+class _Searched:
+    """What a search found, and the sensitivities of the best gait where they were asked for."""
+
+    optimised: Optimised
+    sensitivities: Sequence[Sensitivity]
+
+
+def _search(problem: Problem, request: Request, journal: Path, work: _Work) -> _Searched:
+    """Search, or go on with a search whose journal holds the beginning."""
+    with opened(work.executor, work.workers) as pool:
+        optimised = search.optimise(problem, request, Journal(journal, problem), pool, work.on_progress)
+        if not work.sensitivities:
+            return _Searched(optimised, ())
+        found = sensitivities(problem, optimised.best.gait, request.seed, pool)
+        return _Searched(optimised, found)
 
 
 @contextmanager

@@ -1,7 +1,9 @@
 """The public face: every name is there, loads nothing early, and is the function of the same name."""
 
+import ast
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -24,6 +26,19 @@ def test_every_name_is_there() -> None:
         assert getattr(gaitopt, name) is not None, name
         assert getattr(api, name) is getattr(gaitopt, name)
     assert set(gaitopt.__all__) <= set(dir(gaitopt))
+
+
+def test_the_types_of_the_face_are_those_that_it_loads() -> None:
+    tree = ast.parse(Path(gaitopt.__file__).read_text())
+    (checking,) = [node for node in tree.body if isinstance(node, ast.If)]
+    imported = {
+        alias.name: node.module
+        for node in checking.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert imported == gaitopt._HOME_OF
+    assert set(imported) == set(gaitopt.__all__)
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:
