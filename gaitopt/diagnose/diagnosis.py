@@ -56,7 +56,7 @@ class GapOfTrial:
 
     def to_dict(self) -> dict[str, object]:
         """Return a row of ``gap_by_trial`` in ``diagnosis.json``."""
-        return {"trial": self.trial} | gap_dict(self.gap)
+        return {"trial": self.trial} | self.gap.to_dict()
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ class Diagnosis:
             "unevenness": self.found.unevenness if self.found else None,
             "effects": [row.to_dict() for row in self.found.effects] if self.found else [],
             "where": [share.to_dict() for share in self.where],
-            "gap": gap_dict(self.gap),
+            "gap": self.gap.to_dict(),
             "gap_by_trial": [gap.to_dict() for gap in self.gap_by_trial],
             "next_experiment": self.experiment.to_dict() if self.experiment else None,
             "trials": [trial.to_dict() for trial in self.trials],
@@ -239,17 +239,6 @@ def locate(
     gaps = [trial_gap(simulator.problem, *part, settings) for part in parts]
     name, source = simulator.problem.name, str(dataset.source)
     return Diagnosis(name, source, seed, simulator.fidelity, tuple(gaps))
-
-
-def gap_dict(gap: Gap) -> dict[str, object]:
-    """Return ``gap`` of ``diagnosis.json``."""
-    return {
-        "heldout_before_m": gap.before,
-        "heldout_after_m": gap.after,
-        "floor_m": gap.floor,
-        "shrinkage": gap.shrinkage,
-        "shrinkage_ci90": list(gap.ci90),
-    }
 
 
 def _mean(values: Sequence[float], weights: Sequence[int]) -> float:

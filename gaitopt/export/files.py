@@ -6,7 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import jinja2
 
@@ -38,7 +38,7 @@ def export_files(
         from_datasheet: per channel, the values of its calibration that nobody set.
     """
     environment = _environment()
-    known = facts(table)
+    known = vars(facts(table))
 
     def filled(template: str, **more: object) -> str:
         return environment.from_string(template).render(known | more)
@@ -57,27 +57,63 @@ def export_files(
     return texts
 
 
-def facts(table: GaitTable) -> dict[str, Any]:
-    """Return what every template sees of a table.
+@dataclass(frozen=True)
+class ServoFacts:
+    """What a template sees of a servo.
 
-    Returns:
-        ``mark`` and ``header``: what a table file carries to be read back; ``name`` and ``hash``;
-        ``period_s``, ``period_us``, ``frame_us``; ``led_pin``, -1 for none; ``pulses``, µs, rows of one
-        for each servo; ``servos``, each with ``name``, ``pin`` and ``numbers``, its row of `servo_rows`.
+    Attributes:
+        name: its channel.
+        pin: its GPIO; None where it is not set.
+        numbers: its row of `servo_rows`.
     """
+
+    name: str
+    pin: int | None
+    numbers: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class TableFacts:
+    """What every template sees of a table.
+
+    Attributes:
+        mark, header: what a table file carries to be read back: ``mark: header``.
+        name: the gait's name.
+        hash: of everything that moves a servo.
+        period_s, period_us: one cycle.
+        frame_us: period of the servo signal.
+        led_pin: GPIO of the sync LED; -1 for none.
+        pulses: rows of pulses, µs, one for each servo.
+        servos: the servos.
+    """
+
+    mark: str
+    header: str
+    name: str
+    hash: str
+    period_s: float
+    period_us: int
+    frame_us: int
+    led_pin: int
+    pulses: tuple[tuple[int, ...], ...]
+    servos: tuple[ServoFacts, ...]
+
+
+def facts(table: GaitTable) -> TableFacts:
+    """Return what every template sees of a table."""
     rows = zip(table.servos.items(), servo_rows(table), strict=True)
-    return {
-        "mark": MARK,
-        "header": comment(table.header),
-        "name": table.gait.name or "gait",
-        "hash": table.hash,
-        "period_s": table.gait.period_s,
-        "period_us": table.period_us,
-        "frame_us": table.frame_us,
-        "led_pin": -1 if table.led_pin is None else table.led_pin,
-        "pulses": table.pulses,
-        "servos": [{"name": name, "pin": servo.pin, "numbers": numbers} for (name, servo), numbers in rows],
-    }
+    return TableFacts(
+        mark=MARK,
+        header=comment(table.header),
+        name=table.gait.name or "gait",
+        hash=table.hash,
+        period_s=table.gait.period_s,
+        period_us=table.period_us,
+        frame_us=table.frame_us,
+        led_pin=-1 if table.led_pin is None else table.led_pin,
+        pulses=table.pulses,
+        servos=tuple(ServoFacts(name, servo.pin, numbers) for (name, servo), numbers in rows),
+    )
 
 
 def comment(value: object) -> str:

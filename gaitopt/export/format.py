@@ -20,7 +20,7 @@ INTERCHANGE = TEMPLATES / "play_table.md.jinja"
 class Format:
     """One output format. A new one is a record, its templates and one entry in `FORMATS`.
 
-    Templates are Jinja's. They see the facts of `files.facts`, and the filters ``comment`` and ``cell``.
+    Templates are Jinja's. They see the fields of `files.TableFacts` and the filters ``comment`` and ``cell``.
 
     Attributes:
         name: what the command line calls it.

@@ -39,6 +39,16 @@ class Gap:
         """Share of what is above the floor that is gone; None where nothing is above it."""
         return shrinkage(self.before, self.after, self.floor)
 
+    def to_dict(self) -> dict[str, object]:
+        """Return ``gap`` of ``diagnosis.json``."""
+        return {
+            "heldout_before_m": self.before,
+            "heldout_after_m": self.after,
+            "floor_m": self.floor,
+            "shrinkage": self.shrinkage,
+            "shrinkage_ci90": list(self.ci90),
+        }
+
 
 def shrinkage(before: float, after: float, floor: float) -> float | None:
     """Return (before - after) / (before - floor); None where the gap is within the floor."""
