@@ -15,6 +15,19 @@ from gaitopt.plan.planar import N_STATE, PlanarModel, Symbol
 STATE_SCALE = np.array([0.05, 1.0, 1.0, 1.0])
 """Scale of the state among the unknowns: kg m/s, rad, rad, rad."""
 
+IPOPT_OPTIONS: dict[str, Any] = {
+    "expand": True,
+    "print_time": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.tol": 1e-4,
+    "ipopt.acceptable_tol": 1e-3,
+    "ipopt.acceptable_iter": 4,
+    "ipopt.mu_init": 1e-2,
+    "ipopt.honor_original_bounds": "yes",
+}
+"""Tolerances far looser than IPOPT's own: a plan is a start for MuJoCo, and is integrated to confirm it."""
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -37,26 +50,34 @@ class Solution:
 class Collocation:
     """Periodic optimal control of a `PlanarModel`: Radau IIA, two stages, third order.
 
-    Unknowns: the ramped gait (16) and, for each interval, the state at 1/3 and at
-    its end, over `STATE_SCALE`.  Period, duties, phases, amplitudes, offsets and
-    ramps are free within bounds, ramps no shorter than `ramp` (a square
-    edge has no gradient); the middle channel's phase stays where the start has
-    it, since shifting all phases alike changes nothing.
+    Unknowns: the ramped gait (16) and, for each interval, the state at 1/3 and at its end, over
+    `STATE_SCALE`. Period, duties, phases, amplitudes, offsets and ramps are free within bounds. Ramps are
+    no shorter than `ramp`, because a square edge has no gradient. The middle channel's phase stays fixed:
+    a shift of all phases alike changes nothing.
     """
 
     def __init__(
         self, model: PlanarModel, bounds: GaitBounds, n_intervals: int, ramp: float, iterations: int
     ):
+        """Set up the problem for IPOPT.
+
+        Args:
+            model: the planar model.
+            bounds: box of gait vectors, and the servos' ranges.
+            n_intervals: collocation intervals per cycle.
+            ramp: least ramp of an edge, cycles.
+            iterations: IPOPT's limit of one solution.
+        """
         self.model, self.bounds, self.n = model, bounds, n_intervals
         self.ramp, self.iterations = ramp, iterations
         self._build()
         self._bound()
 
     def solve(self, point: Vector, width: float) -> Solution:
-        """Optimise from a point at one friction width."""
+        """Optimise from a point, shape (16 + 8 n,), at one friction width, m/s."""
         lower, upper = self.lower.copy(), self.upper.copy()
         lower[2] = upper[2] = point[2]
-        with interrupts_held():  # IPOPT would end this start for it, and the plan go on without
+        with interrupts_held():  # IPOPT would end only this start, and the plan would go on
             found = self.solver(
                 x0=np.clip(point, lower, upper),
                 p=width,
@@ -85,6 +106,7 @@ class Collocation:
         return np.concatenate([ramped, np.array(rows).T.ravel()])
 
     def _interval(self) -> Symbol:
+        """Return one interval's defects of both stages, and its travel over the cycle's length, m."""
         before, stage, after = (ca.SX.sym(k, N_STATE) for k in ("before", "stage", "after"))
         gait, start, width = ca.SX.sym("g", N_GAIT), ca.SX.sym("t"), ca.SX.sym("w")
         h = 1 / self.n
@@ -117,18 +139,7 @@ class Collocation:
             "f": -10 * ca.sum2(travel) / gait[0],
             "g": ca.vertcat(ca.vec(defects), extremes, room),
         }
-        options: dict[str, Any] = {
-            "expand": True,
-            "print_time": False,
-            "ipopt.print_level": 0,
-            "ipopt.sb": "yes",
-            "ipopt.max_iter": self.iterations,
-            "ipopt.tol": 1e-4,
-            "ipopt.acceptable_tol": 1e-3,
-            "ipopt.acceptable_iter": 4,
-            "ipopt.mu_init": 1e-2,
-            "ipopt.honor_original_bounds": "yes",
-        }
+        options = IPOPT_OPTIONS | {"ipopt.max_iter": self.iterations}
         self.solver = ca.nlpsol("plan", "ipopt", problem, options)
 
     def _bound(self) -> None:

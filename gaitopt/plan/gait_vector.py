@@ -32,7 +32,7 @@ class GaitBounds:
 
 
 def to_ramps(gait: Vector) -> Vector:
-    """Gait vector with each channel's smoothing replaced by its ramp in cycles."""
+    """Return the gait vector with each channel's smoothing replaced by its ramp in cycles."""
     gait = np.array(gait, dtype=float)
     for c in CHANNEL_STARTS:
         gait[c + 4] *= min(gait[c], 1 - gait[c])
@@ -40,7 +40,7 @@ def to_ramps(gait: Vector) -> Vector:
 
 
 def to_smoothing(ramped: Vector) -> Vector:
-    """Inverse of `to_ramps`."""
+    """Return the gait vector of a ramped one: the inverse of `to_ramps`."""
     gait = np.array(ramped, dtype=float)
     for c in CHANNEL_STARTS:
         gait[c + 4] = min(1.0, gait[c + 4] / min(gait[c], 1 - gait[c]))

@@ -1,9 +1,9 @@
-"""Reduced model of a two-module crawler, and the gaits that are optimal for it.
+"""Planar model: a two-module crawler reduced to what moves it forward.
 
 The crawler is a rear and a front module joined by an arch of two links.
-A middle servo folds the arch, and each module carries a foot: a pad that
-a servo swings about the body's long axis.  The model keeps what moves the
-robot forward and replaces the rest by statics.
+A middle servo folds the arch.  Each module carries a foot: a pad that a
+servo swings about the body's long axis.  All motion but the forward one is
+replaced by statics.
 
 **State** ``[P, q, f1, f2]``: forward momentum [kg m/s], middle angle and foot
 angles [rad]; the rear module's position is a quadrature.
@@ -26,8 +26,8 @@ so an infinitely stiff arch needs no internal force.
 h(f) = r |sin f| + t cos f - c below the body's underside.  Where one pad alone
 is down, it carries its module.  Where both are, the body rolls away from the
 pads' lower edges, y(f) = r cos f off the middle, by the smaller of the angles
-h / (w + y): the weaker module ("w") then shares its load between pad and the
-body's far edge, the other ("o") stands on its pad alone.  Balance of the roll
+h / (w + y).  The weaker module ("w") then shares its load between its pad and the
+body's far edge; the other ("o") stands on its pad alone.  The balance of the roll
 moments about the centre line gives the weaker pad's share
 
     p = (Nw w - No yo) / (Nw (w + yw))
@@ -35,15 +35,15 @@ moments about the centre line gives the weaker pad's share
 Steps between these cases are tanh over a height of ``contact_blur`` and an angle
 of ``roll_blur``.  The loads N1, N2 follow from the lever rule on the two supports.
 
-*Friction.*  Of a pad and a body edge on the same module, the swing makes one
-slide sideways at r sin f f'; it is split between them towards the one that grips
-less, and Coulomb friction opposes the total slip:
+*Friction.*  The swing of a foot makes the pad or the body edge of its module slide
+sideways at r sin f f'.  The slip is split between them, more for the one that grips
+less.  Coulomb friction opposes the total slip:
 
     F = -N [mu_pad p v / |v|_pad + mu_body (1-p) v / |v|_body],
     |v|_k = sqrt(v^2 + sideways_k^2 + width^2)
 
-``width`` [m/s] smooths the law.  It is tightened in steps; the creep it causes
-is `PlanarModel.creep`.
+``width`` [m/s] smooths the law.  It is reduced in steps; it makes the model creep
+by `PlanarModel.creep`.
 
 Not modelled: sideways motion and yaw, the dynamics of roll and of landing.
 """

@@ -1,4 +1,4 @@
-"""From metrics to one cost: named terms and named constraints, all of them reported."""
+"""From metrics to one cost: named terms and constraints, all of them reported."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ FAILED_COST = 1e6
 """Cost of a gait whose simulation failed: worse than anything that a robot can do."""
 
 _WORST_VIOLATION = 1e3
+"""Largest violation of a constraint, in its scale: also that of a metric that is NaN."""
+
 _NO_OBJECTIVE = Objective(terms={})
 
 
@@ -27,8 +29,8 @@ class Evaluation:
     Attributes:
         cost: what the search minimises.
         metrics: mean of each metric over the scenarios.
-        violations: by how much of its scale each constraint is exceeded; 0 where it is met. By the mean
-            metric, or as `Objective.over_scenarios` asks.
+        violations: excess over each constraint, in units of its scale; 0 where it is met. It is that of
+            the mean metric, or as `Objective.over_scenarios` asks.
         status: ``ok``, or why a scenario failed.
     """
 
@@ -59,7 +61,7 @@ def check_objective(problem: Problem) -> None:
 
 
 def check_searchable(problem: Problem) -> None:
-    """Check that gaits of a problem can be searched for: bounds, aims, and a marker whose travel counts.
+    """Check that a problem has what a search needs: bounds, an objective, and a marker.
 
     Raises:
         GaitoptError: an optional part that a search needs is missing, or the objective names no metric.
@@ -102,7 +104,7 @@ def evaluate(
 
 
 def _over(values: list[float], share: float | None) -> float:
-    """Return the value that this share of the values exceeds; where there is but one, that."""
+    """Return the value that this share of the values exceeds; the only value where there is no share."""
     if share is None:
         return values[0]
     with np.errstate(invalid="ignore"):  # of an infinite cost and a finite one

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gaitopt.core.errors import GaitoptError
 from gaitopt.plan.collocation import Collocation
-from gaitopt.plan.gait_vector import N_GAIT, Vector, gait_distance, random_gait, to_ramps, to_smoothing
+from gaitopt.plan.gait_vector import N_GAIT, Vector, random_gait, to_ramps, to_smoothing
 from gaitopt.plan.parameters import PlanarParameters
-from gaitopt.plan.plan import Planner, PlanSettings
+from gaitopt.plan.plan import Planner
 from gaitopt.plan.planar import N_STATE, PlanarModel, channel_target
 from gaitopt.problem.problem import Problem, load_problem
 
@@ -128,6 +127,7 @@ def test_runge_kutta_agrees_with_scipy(model: PlanarModel, gait: Vector) -> None
     assert cycle.state[:, -1] == pytest.approx(cycle.state[:, 0], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_collocation_is_the_integrated_motion(model: PlanarModel, gait: Vector, planner: Planner) -> None:
     problem = Collocation(model, planner.bounds, n_intervals=80, ramp=0.03, iterations=40)
     point = problem.guess(gait, WIDTH)
@@ -176,25 +176,6 @@ def test_load_is_the_weight(model: PlanarModel, gait: Vector, nominal: PlanarPar
     assert float(ca.mmin(loads)) >= 0
 
 
-def test_plan_beats_the_baselines_keeps_the_bounds_and_repeats_to_the_bit(problem: Problem) -> None:
-    settings = PlanSettings(n_samples=8, n_starts=(5, 2, 1), n_elites=2)
-    result, again = (Planner(problem, settings).plan() for _ in range(2))
-    assert result == again
-    assert result.elites[0].predicted_speed_m_s > max(result.baselines.values())
-    vectors = [Planner(problem, settings).vector(elite.gait) for elite in result.elites]
-    for i, (elite, vector) in enumerate(zip(result.elites, vectors, strict=True)):
-        problem.check_gait(elite.gait, "elite")
-        assert problem.space.decode(problem.space.encode(elite.gait)).period_s == elite.gait.period_s
-        assert all(gait_distance(vector, other) > 0.9 * settings.separation for other in vectors[:i])
-
-
-def test_baselines_come_in_the_order_that_mujoco_has(planner: Planner, problem: Problem) -> None:
-    speeds = [
-        planner.predicted_speed(problem.baselines[name]) for name in ("square-4s", "square-2s", "square-1s")
-    ]
-    assert 0.0 < speeds[0] < speeds[1] < speeds[2]
-
-
 def test_parameters_are_the_models_own(problem: Problem, nominal: PlanarParameters) -> None:
     values = {name: parameter.value for name, parameter in problem.file.parameters.items()}
     assert nominal.mu_pad == values["mu_tape"]
@@ -206,15 +187,3 @@ def test_parameters_are_the_models_own(problem: Problem, nominal: PlanarParamete
     assert nominal.hinge_stiffness == pytest.approx(3 * values["k_joint"])  # 2 middles, 4 outer at a half
     changed = Planner(problem.with_parameters({"mu_tape": 0.5})).model.parameters
     assert changed.mu_pad == 0.5
-
-
-def test_a_plan_without_converged_starts_says_so(problem: Problem) -> None:
-    settings = PlanSettings(n_samples=2, n_starts=(5, 1, 1), iterations=0, n_intervals=4)
-    result = Planner(problem, settings).plan()
-    assert result.dropped
-    assert all("planned" in line and "integrated" in line for line in result.dropped)
-
-
-def test_a_problem_without_a_planar_section_says_so_in_one_line() -> None:
-    with pytest.raises(GaitoptError, match=r"no \[planar\] section"):
-        Planner(load_problem("arcfold-published"))

@@ -56,6 +56,7 @@ def test_findings_do_not_depend_on_the_executor(where: str, expected: list[Findi
         assert check(problem, executor, STRICT) == expected
 
 
+@pytest.mark.slow
 def test_a_robot_with_effects_is_checked_in_other_processes(strider: Problem) -> None:
     """Effects travel by their name: of hooks, loops and commands too."""
     effects = {"servo_sag": {"share_lost": 0.1}, "command_latency": {"delay_s": 0.01}}

@@ -213,6 +213,7 @@ def studded(folder: Path, side: int = 30) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_rollout_a_hundred_times_slower_is_a_status_and_its_siblings_go_on(tmp_path: Path) -> None:
     problem = load_problem(studded(tmp_path / "robot"))
     found = statuses(problem, 3)
@@ -220,6 +221,7 @@ def test_a_rollout_a_hundred_times_slower_is_a_status_and_its_siblings_go_on(tmp
     assert found == statuses(problem, 3)
 
 
+@pytest.mark.slow
 def test_what_stalls_keeps_its_last_good_values_and_leaves_the_next_one_alone(tmp_path: Path) -> None:
     problem = load_problem(studded(tmp_path / "robot"))
     gaits = [problem.space.decode(point) for point in quasi_random(problem.space, 3, 1)]
@@ -233,11 +235,13 @@ def test_what_stalls_keeps_its_last_good_values_and_leaves_the_next_one_alone(tm
     assert same_bits(after, Simulator.build(problem).run(gaits[2]))
 
 
+@pytest.mark.slow
 def test_a_robot_whose_effects_run_along_stalls_too(tmp_path: Path) -> None:
     problem = load_problem(studded(tmp_path / "robot")).with_effects({"servo_sag": {"share_lost": 0.1}})
     assert set(statuses(problem, 2)) == {"ok", STALLED}
 
 
+@pytest.mark.slow
 def test_a_study_counts_what_stalled_and_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     impatient = functools.partial(Simulator.build, settings=RolloutSettings(most_work=3.0))
     monkeypatch.setattr(Simulator, "build", impatient)
@@ -255,6 +259,7 @@ def test_a_study_counts_what_stalled_and_ends(tmp_path: Path, monkeypatch: pytes
     assert note in (out / "report.html").read_text().replace("\N{NO-BREAK SPACE}", " ")
 
 
+@pytest.mark.slow
 def test_a_sweep_says_what_stalled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = studded(tmp_path / "robot")
     problem = load_problem(folder)
