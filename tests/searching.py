@@ -5,8 +5,8 @@ from pathlib import Path
 from gaitopt.core.json import to_json
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.journal import Journal
+from gaitopt.optimise.recorder import SearchProgress
 from gaitopt.optimise.run import Optimised, Request, optimise
-from gaitopt.optimise.study import SearchProgress
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.summary import Summary
 

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as Bar
 
 from gaitopt.core.progress import OnProgress, Progress, silent
-from gaitopt.optimise.study import OnSearchProgress, SearchProgress
+from gaitopt.optimise.recorder import OnSearchProgress, SearchProgress
 
 _PLAIN_EVERY_S = 10.0
 """Seconds between lines where there is no terminal."""

@@ -16,10 +16,10 @@ from gaitopt.jobs.inputs import checked_seed
 from gaitopt.jobs.outputs import Out, Stopped, out_folder
 from gaitopt.optimise import run as search
 from gaitopt.optimise.journal import Journal, at_rung, ranked
+from gaitopt.optimise.recorder import OnSearchProgress
 from gaitopt.optimise.run import DEFAULT_BUDGET, Optimised, Request
 from gaitopt.optimise.sensitivity import Sensitivity, sensitivities
 from gaitopt.optimise.stages import DEFAULT_METHOD, method_of
-from gaitopt.optimise.study import OnSearchProgress
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.run_folder import Reopened, RunFolder

@@ -16,10 +16,11 @@ from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.ladder import Rung
 from gaitopt.optimise.notes import drift_notes, failure_notes
 from gaitopt.optimise.pareto import FrontGait, front_of, thinned, verified_front
+from gaitopt.optimise.recorder import OnSearchProgress
 from gaitopt.optimise.selection import finalists, select
 from gaitopt.optimise.settings import SearchSettings
 from gaitopt.optimise.stages import DEFAULT_METHOD, method_of
-from gaitopt.optimise.study import OnSearchProgress, Start, Study
+from gaitopt.optimise.study import Start, Study
 from gaitopt.optimise.verification import Verified, scenarios_of, verify
 from gaitopt.optimise.warm_start import Planned, WarmStart, best_elite, correlation, planned
 from gaitopt.plan.plan import Elite, Plan

@@ -1,23 +1,23 @@
-"""The study: walks through the stages of a method with one budget, and keeps the journal."""
+"""The study: walks through the stages of a method with one budget."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.progress import Progress, silent
+from gaitopt.core.progress import silent
 from gaitopt.core.streams import Stream, generator
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise import pareto
-from gaitopt.optimise.evaluator import Evaluated, Evaluator
+from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.journal import WORKING, Entry, Journal, at_rung, ranked
 from gaitopt.optimise.ladder import LadderSettings, Rung, descend
 from gaitopt.optimise.quasi_random import quasi_random
-from gaitopt.optimise.replay import Replay
+from gaitopt.optimise.recorder import OnSearchProgress, Recorder
 from gaitopt.optimise.solvers.cma_es import CmaEs
 from gaitopt.optimise.solvers.solution import Box, Evaluate
 from gaitopt.optimise.solvers.solver import Choose, Minimisation, draws
@@ -56,28 +56,6 @@ class Start:
 
 
 @dataclass(frozen=True)
-class SearchProgress(Progress):
-    """A step of a search; its stage is the method that proposed the last gaits.
-
-    Attributes:
-        total: the budget.
-        best: the best gait so far.
-        simulated_s: simulated seconds so far.
-    """
-
-    total: int = 0
-    best: Entry | None = None
-    simulated_s: float = 0.0
-
-
-OnSearchProgress = Callable[[SearchProgress], None]
-"""Called as each batch ends."""
-
-Judge = Callable[[Sequence[Gait]], list[Evaluated]]
-"""What judges gaits: an `Evaluator`, or its race."""
-
-
-@dataclass(frozen=True)
 class _Known:
     """A point whose cost is known."""
 
@@ -86,14 +64,12 @@ class _Known:
 
 
 class Study:
-    """One search: proposes gaits, evaluates them, keeps the journal.
+    """One search: proposes gaits, stage by stage, until its budget is spent.
 
     Attributes:
         evaluator: judges gaits at the working fidelity.
-        journal: where every evaluation is written.
         budget: gaits to evaluate.
         seed: seed of all randomness.
-        entries: the evaluations so far.
         rungs: the cheaper rungs that were measured, and whether the search went on with them.
     """
 
@@ -109,21 +85,24 @@ class Study:
         if budget < 1:
             raise GaitoptError(f"--budget: found {budget}; allowed: 1 or more")
         self.evaluator = evaluator
-        self.journal = journal
         self.budget = self._until = budget
         self.seed = seed
-        self.entries: list[Entry] = []
         self.rungs: list[Rung] = []
         self._settings = settings
         self._lowest = evaluator
         self._space = evaluator.setup.problem.space
-        self._replay = Replay(journal)
-        self._on_progress = on_progress
+        self._recorder = Recorder(journal, self._space, budget, on_progress)
+        self._evaluate = self._recorder.evaluate
+
+    @property
+    def entries(self) -> list[Entry]:
+        """The evaluations so far, in order."""
+        return self._recorder.entries
 
     @property
     def best(self) -> Entry:
-        """The best gait so far at the working fidelity: lowest cost, the earliest of equals."""
-        return ranked(at_rung(self.entries))[0]
+        """The best gait so far (see `Recorder.best`)."""
+        return self._recorder.best
 
     def run(
         self,
@@ -264,8 +243,6 @@ class Study:
         box, spread, choose = Box(self._space.circular), self._settings.front.spread, self._chooser(aim)
         CmaEs().minimise(Minimisation(costs, box, start, spread, budget, rng, choose))
 
-    # --- evaluations ------------------------------------------------------------------------------
-
     def _chooser(self, aim: pareto.Aim) -> Choose:
         """Return what chooses candidates by all evaluations so far on the rung that judges them."""
 
@@ -277,27 +254,3 @@ class Study:
             return most_promising(points, costs, candidates, count, circular, settings)
 
         return choose
-
-    def _evaluate(
-        self, method: str, points: NDArray[np.float64], judge: Judge, rung: str = WORKING
-    ) -> NDArray[np.float64]:
-        """Return the costs of candidates, from the journal where it has them."""
-        batch = self._replay.answers(len(self.entries), points)
-        if len(batch) < len(points):  # the whole batch, because a population that races is judged together
-            fresh = self._assess(method, points, judge, rung)[len(batch) :]
-            self.journal.append(fresh)
-            batch = batch + fresh
-        self.entries += batch
-        simulated = sum(entry.simulated_s for entry in self.entries)
-        self._on_progress(
-            SearchProgress(method, len(self.entries), self.budget, "gaits", self.best, simulated)
-        )
-        return np.array([entry.evaluation.cost for entry in batch])
-
-    def _assess(self, method: str, points: NDArray[np.float64], judge: Judge, rung: str) -> list[Entry]:
-        first = len(self.entries)
-        gaits = [self._space.decode(point, f"candidate-{first + i}") for i, point in enumerate(points)]
-        return [
-            Entry(first + i, method, points[i], gaits[i], one.evaluation, one.simulated_s, rung)
-            for i, one in enumerate(judge(gaits))
-        ]

@@ -1,7 +1,7 @@
 """What a person sees on the terminal while a job goes on."""
 
 from gaitopt.cli.progress import _time_left
-from gaitopt.optimise.study import SearchProgress
+from gaitopt.optimise.recorder import SearchProgress
 
 
 def test_time_left_is_at_the_pace_since_the_search_began_or_resumed() -> None:

@@ -12,21 +12,21 @@ import tomli_w
 from commandline import RUN_FILES, Run, strictly, without_clock
 from helpers import STRIDER, edited
 
-from gaitopt.optimise.study import Study
+from gaitopt.optimise.recorder import Recorder
 from gaitopt.report import search as search_page
 
 
 def interrupt_after(monkeypatch: pytest.MonkeyPatch, batches: int) -> None:
     """Press Ctrl-C when that many batches are done."""
-    original, done = Study._assess, []
+    original, done = Recorder._assess, []
 
-    def assess(self: Study, method: str, *arguments: Any) -> Any:
+    def assess(self: Recorder, method: str, *arguments: Any) -> Any:
         if len(done) == batches:
             raise KeyboardInterrupt
         done.append(method)
         return original(self, method, *arguments)
 
-    monkeypatch.setattr(Study, "_assess", assess)
+    monkeypatch.setattr(Recorder, "_assess", assess)
 
 
 @pytest.mark.parametrize("batches", [1, 3])

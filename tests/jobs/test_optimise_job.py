@@ -7,7 +7,7 @@ import pytest
 from gaitopt import Stopped, optimise
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.json import to_json
-from gaitopt.optimise.study import Study
+from gaitopt.optimise.recorder import Recorder
 from gaitopt.problem.problem import Problem
 
 
@@ -16,16 +16,16 @@ def test_an_interrupted_search_goes_on_to_the_same_bits(
     strider: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = optimise(strider, budget=6, seed=5)
-    assess, done = Study._assess, []
+    assess, done = Recorder._assess, []
 
-    def interrupted(self: Study, *arguments: object) -> object:
+    def interrupted(self: Recorder, *arguments: object) -> object:
         if done:
             raise KeyboardInterrupt
         done.append(arguments)
         return assess(self, *arguments)  # type: ignore[arg-type]
 
     with monkeypatch.context() as patch:
-        patch.setattr(Study, "_assess", interrupted)
+        patch.setattr(Recorder, "_assess", interrupted)
         with pytest.raises(Stopped, match=r"stopped after \d+ gaits, best so far .* resume='run'") as stop:
             optimise(strider, budget=6, seed=5, out="run")
     assert stop.value.folder == Path("run")

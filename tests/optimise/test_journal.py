@@ -11,8 +11,8 @@ from searching import BUDGET, run
 from gaitopt.core.errors import GaitoptError
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.journal import Entry, Journal
+from gaitopt.optimise.recorder import SearchProgress
 from gaitopt.optimise.run import Request, optimise
-from gaitopt.optimise.study import SearchProgress
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import metric_names
 from gaitopt.simulation.objective import Evaluation

@@ -15,12 +15,14 @@ from gaitopt.optimise import ladder
 from gaitopt.optimise import settings as search_settings
 from gaitopt.optimise.evaluator import Evaluated, Evaluator, Outcome
 from gaitopt.optimise.executors import SerialExecutor, open_executor
-from gaitopt.optimise.journal import WORKING, Journal, at_rung
+from gaitopt.optimise.journal import WORKING, Journal, at_rung, ranked
 from gaitopt.optimise.ladder import LadderSettings
 from gaitopt.optimise.quasi_random import quasi_random
+from gaitopt.optimise.recorder import Recorder
 from gaitopt.optimise.run import Optimised, Request, optimise
+from gaitopt.optimise.selection import finalists
 from gaitopt.optimise.settings import SearchSettings
-from gaitopt.optimise.study import LOWER, Study, StudySettings
+from gaitopt.optimise.study import LOWER, StudySettings
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import Evaluation
@@ -152,10 +154,13 @@ def test_only_gaits_of_the_working_fidelity_can_win(strider: Problem, tmp_path: 
         writer = csv.DictWriter(file, lines[0], lineterminator="\n")
         writer.writeheader()
         writer.writerows(lines)
-    evaluator = Evaluator(setting_of(strider), SerialExecutor())
-    resumed = Study(evaluator, Journal(path, strider), BUDGET, 2)
-    resumed.entries = list(resumed.journal.entries)
-    assert resumed.best.rung == WORKING
+    journal = Journal(path, strider)
+    assert ranked(journal.entries)[0].rung == LOWER
+    recorder = Recorder(journal, strider.space, BUDGET)
+    recorder.entries = list(journal.entries)
+    assert recorder.best.rung == WORKING
+    working = [entry.gait for entry in at_rung(journal.entries)]
+    assert all(one.gait in working for one in finalists(journal.entries, [], BUDGET))
 
 
 @pytest.mark.slow

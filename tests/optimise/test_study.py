@@ -8,9 +8,9 @@ from searching import run
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import Stream
 from gaitopt.optimise.journal import Journal
+from gaitopt.optimise.recorder import SearchProgress
 from gaitopt.optimise.run import Request
 from gaitopt.optimise.stages import method_names
-from gaitopt.optimise.study import SearchProgress
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.summary import Summary
