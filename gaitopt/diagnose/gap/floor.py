@@ -158,7 +158,7 @@ def cycle_spread(aligned: Aligned, name: str, transient: float) -> float | None:
     keep = aligned.trial.used[name]
     time, series = aligned.time[keep], aligned.trial.signals[name][keep]
     cycles = Cycles.of(time, period, transient, aligned.trial.name)
-    rest = steady(cycles.sampled(time, series, aligned.trial.frame_s))[2]
+    rest = steady(cycles.sampled(time, series, aligned.trial.frame_s)).rest
     means = cycle_means(rest)
     inside = rest - means[:, None]
     count = cycles.count

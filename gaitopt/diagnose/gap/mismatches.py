@@ -141,16 +141,14 @@ def _is_reversed(aligned: Aligned, name: str, transient: float, settings: Mismat
         return _runs_against(aligned, name, settings)
     cycles = Cycles.of(time, period, transient, aligned.trial.name)
     series = aligned.trial.signals[name][keep]
-    travel, shape, rest = steady(cycles.sampled(time, series, aligned.trial.frame_s))
-    travel_simulated, shape_simulated, _ = steady(
-        np.interp(cycles.times, aligned.simulated.time, aligned.simulated[name])
-    )
-    if abs(travel_simulated) > settings.travels * float(np.ptp(shape_simulated)):
-        return travel * travel_simulated < -settings.travels_back * travel_simulated**2
-    noisy = float(np.nanstd(rest)) > float(shape.std())
-    if noisy or shape.std() == 0.0 or shape_simulated.std() == 0.0:
+    measured = steady(cycles.sampled(time, series, aligned.trial.frame_s))
+    simulated = steady(np.interp(cycles.times, aligned.simulated.time, aligned.simulated[name]))
+    if abs(simulated.travel) > settings.travels * float(np.ptp(simulated.shape)):
+        return measured.travel * simulated.travel < -settings.travels_back * simulated.travel**2
+    noisy = float(np.nanstd(measured.rest)) > float(measured.shape.std())
+    if noisy or measured.shape.std() == 0.0 or simulated.shape.std() == 0.0:
         return False
-    return float(np.corrcoef(shape, shape_simulated)[0, 1]) < settings.reversed
+    return float(np.corrcoef(measured.shape, simulated.shape)[0, 1]) < settings.reversed
 
 
 def _runs_against(aligned: Aligned, name: str, settings: MismatchSettings) -> bool:

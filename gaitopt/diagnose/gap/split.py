@@ -107,25 +107,22 @@ def _by_cycles(
     simulated = np.interp(cycles.times, aligned.simulated.time, aligned.simulated[signal])
     simulated = np.where(np.isfinite(measured), simulated, np.nan)
     gap = measured - simulated
-    travel, shape, _ = steady(measured)
-    travel_simulated, shape_simulated, _ = steady(simulated)
+    seen, predicted, apart = steady(measured), steady(simulated), steady(gap)
     delay, size = _delay_and_size(
-        shape, shape_simulated, lambda turns: shifted(shape_simulated, turns), settings
+        seen.shape, predicted.shape, lambda turns: shifted(predicted.shape, turns), settings
     )
-    rest = steady(gap)[2]
-
-    squares = _travel(travel - travel_simulated, (size - 1.0) * travel_simulated, time, period)
-    delayed = shifted(shape_simulated, delay)
-    noise = float(np.nanmean(rest**2)) * cycles.count / (cycles.count - 1)
-    squares["timing"] = float(np.mean((delayed - shape_simulated) ** 2))
-    squares["stride"] += max(0.0, float(np.mean((shape - delayed) ** 2)) - noise / cycles.count)
+    squares = _travel(seen.travel - predicted.travel, (size - 1.0) * predicted.travel, time, period)
+    delayed = shifted(predicted.shape, delay)
+    noise = float(np.nanmean(apart.rest**2)) * cycles.count / (cycles.count - 1)
+    squares["timing"] = float(np.mean((delayed - predicted.shape) ** 2))
+    squares["stride"] += max(0.0, float(np.mean((seen.shape - delayed) ** 2)) - noise / cycles.count)
     # The mean residual of a marker is 0, because its origin is free; that of an angle is its level.
     squares["stride"] += float(np.mean(residual)) ** 2
     squares["noise"] = noise
     squares["transient"] = _transient(time, residual, cycles, gap, noise)
     total = _scaled(squares, residual, extra)
     by_phase = _by_phase(cycles, gap, float(np.mean(residual)))
-    return Split(signal, total, (travel, travel_simulated), size, delay * period, by_phase)
+    return Split(signal, total, (seen.travel, predicted.travel), size, delay * period, by_phase)
 
 
 def _without_cycles(
@@ -208,9 +205,10 @@ def _transient(time: Series, residual: Series, cycles: Cycles, rows: Series, noi
     early = time < cycles.begin
     if not early.any():
         return 0.0
-    travel, shape, _ = steady(rows)
+    motion = steady(rows)
     turns = (time - cycles.begin) / cycles.period
-    pattern = np.interp(np.mod(turns, 1.0), np.arange(PHASES) / PHASES, shape, period=1.0) + travel * turns
+    pattern = np.interp(np.mod(turns, 1.0), np.arange(PHASES) / PHASES, motion.shape, period=1.0)
+    pattern = pattern + motion.travel * turns
     stray = residual - pattern
     stray = stray - stray[~early].mean()
     return max(0.0, float((stray[early] ** 2).sum()) - noise * int(early.sum())) / len(time)
@@ -218,8 +216,9 @@ def _transient(time: Series, residual: Series, cycles: Cycles, rows: Series, noi
 
 def _by_phase(cycles: Cycles, rows: Series, mean: float) -> Series:
     """Return the RMS at each share of the gait's cycle, travel removed, with the residual's `mean`."""
-    travel, _, _ = steady(rows)
-    flat = rows - travel * (np.arange(cycles.count)[:, None] + np.arange(PHASES)[None, :] / PHASES)
+    flat = rows - steady(rows).travel * (
+        np.arange(cycles.count)[:, None] + np.arange(PHASES)[None, :] / PHASES
+    )
     flat = flat - np.nanmean(cycle_means(flat)) + mean
     bins = np.broadcast_to((cycles.phases * PHASE_BINS).astype(int), flat.shape)
     finite = np.isfinite(flat)

@@ -113,7 +113,22 @@ def cycle_means(rows: Series) -> Series:
     return means
 
 
-def steady(rows: Series) -> tuple[float, Series, Series]:
+@dataclass(frozen=True)
+class SteadyMotion:
+    """Cycles split into travel, shape and rest.
+
+    Attributes:
+        travel: travel per cycle.
+        shape: the mean cycle without travel, of zero mean, shape (PHASES,).
+        rest: what is left of each sample, shape (count, PHASES).
+    """
+
+    travel: float
+    shape: Series
+    rest: Series
+
+
+def steady(rows: Series) -> SteadyMotion:
     """Split cycles into travel, shape and rest.
 
     The travel is fitted within phases: there only whole cycles lie between samples, so that the motion
@@ -121,10 +136,6 @@ def steady(rows: Series) -> tuple[float, Series, Series]:
 
     Args:
         rows: a series by cycle and phase, shape (count, PHASES).
-
-    Returns:
-        Travel per cycle; the mean cycle without travel, of zero mean, shape (PHASES,); and the rest of each
-        sample, shape (count, PHASES).
     """
     count = len(rows)
     cycle = np.arange(count)[:, None] + np.arange(PHASES)[None, :] / PHASES
@@ -136,7 +147,7 @@ def steady(rows: Series) -> tuple[float, Series, Series]:
     travel = float(above / below) if below > 0.0 else 0.0
     flat = rows - travel * cycle
     shape = _filled(_column_means(flat))
-    return travel, shape - shape.mean(), flat - shape
+    return SteadyMotion(travel, shape - shape.mean(), flat - shape)
 
 
 def _column_means(rows: Series) -> Series:

@@ -18,7 +18,7 @@ def test_a_shift_is_undone_by_its_opposite(cycles: float) -> None:
 
 def test_steady_motion_has_no_rest() -> None:
     cycle = np.arange(5)[:, None] + np.arange(PHASES)[None, :] / PHASES
-    travel, shape, rest = steady(0.03 * cycle + np.sin(2.0 * np.pi * cycle))
-    assert travel == pytest.approx(0.03)
-    np.testing.assert_allclose(shape, np.sin(2.0 * np.pi * cycle[0]), atol=1e-12)
-    np.testing.assert_allclose(rest - rest.mean(), 0.0, atol=1e-12)
+    motion = steady(0.03 * cycle + np.sin(2.0 * np.pi * cycle))
+    assert motion.travel == pytest.approx(0.03)
+    np.testing.assert_allclose(motion.shape, np.sin(2.0 * np.pi * cycle[0]), atol=1e-12)
+    np.testing.assert_allclose(motion.rest - motion.rest.mean(), 0.0, atol=1e-12)
