@@ -139,7 +139,7 @@ def draw_case(
 
 def _effect_by_size(factory: CaseFactory, name: str, rng: np.random.Generator) -> BySize:
     """Draw an effect's target and side, and leave the size open."""
-    of_name = [candidate for candidate in factory.candidates if candidate.effect.name == name]
+    of_name = [one for one in factory.hypotheses if one.effect.name == name]
     chosen = of_name[int(rng.integers(len(of_name)))]
     bound = chosen.sides[int(rng.integers(len(chosen.sides)))]
 

@@ -107,14 +107,14 @@ class CaseFactory:
         return CaseFactory(problem, gaits, plan.seconds, signals, nominal, paths, floors, settings)
 
     @property
-    def candidates(self) -> list[Hypothesis]:
+    def hypotheses(self) -> list[Hypothesis]:
         """What may be planted."""
         return hypotheses(self.nominal.effects.nominal, self.problem.channel_names, offset_known=True)
 
     @property
     def effects(self) -> list[str]:
         """Names of the effects that may be planted."""
-        return sorted({candidate.effect.name for candidate in self.candidates})
+        return sorted({hypothesis.effect.name for hypothesis in self.hypotheses})
 
     def recorded_s(self, gait: Gait) -> float:
         """Return how long a recording of a gait is, s."""

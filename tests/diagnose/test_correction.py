@@ -1,0 +1,47 @@
+"""The corrected robot beside the nominal one: the same gaits, on both."""
+
+import math
+
+import pytest
+
+from gaitopt.diagnose.correction import CorrectionSettings, Walked, correct, walked_gaits
+from gaitopt.diagnose.diagnosis import Diagnosis
+from gaitopt.optimise.executors import SerialExecutor, open_executor
+from gaitopt.problem.problem import Problem
+
+BRIEF = CorrectionSettings(periods_s=(1.0,), gaits=0)
+
+
+@pytest.fixture
+def steep(strider: Problem) -> Problem:
+    """The strider that walks uphill."""
+    return strider.with_effects({"ground_slope": {"angle_rad": 0.05}})
+
+
+def test_every_baseline_and_another_period_on_both_robots(strider: Problem, steep: Problem) -> None:
+    rows = walked_gaits(strider, steep, SerialExecutor(), BRIEF)
+    first = next(iter(strider.baselines))
+    assert [row.name for row in rows] == [*strider.baselines, f"{first} at 1 s"]
+    assert all(math.isfinite(row.nominal_m_s) and math.isfinite(row.corrected_m_s) for row in rows)
+    assert any(row.nominal_m_s != row.corrected_m_s for row in rows)
+    assert rows[-1].to_dict()["period_s"] == 1.0
+
+
+def test_a_search_adds_the_best_gait_of_each_robot(strider: Problem, steep: Problem) -> None:
+    rows = walked_gaits(strider, steep, SerialExecutor(), CorrectionSettings(periods_s=(), gaits=4))
+    of_nominal, of_corrected = rows[-2:]
+    assert of_nominal.name == "best for the nominal robot"
+    assert of_nominal.nominal_m_s >= max(row.nominal_m_s for row in rows[:-2]) - 1e-12
+    assert of_corrected.corrected_m_s >= max(row.corrected_m_s for row in rows[:-2]) - 1e-12
+
+
+@pytest.mark.slow
+def test_in_processes_the_speeds_are_the_same(strider: Problem, steep: Problem) -> None:
+    with open_executor("processes", 2) as executor:
+        rows: list[Walked] = walked_gaits(strider, steep, executor, BRIEF)
+    assert rows == walked_gaits(strider, steep, SerialExecutor(), BRIEF)
+
+
+def test_without_a_fitted_effect_there_is_nothing_to_correct(strider: Problem) -> None:
+    located = Diagnosis(strider.name, "trials", 1, strider.simulation.working, ())
+    assert correct(strider, located) is None
