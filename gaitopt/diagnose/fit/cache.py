@@ -1,4 +1,4 @@
-"""What has been simulated for a diagnosis, kept on disk, so that an interrupted one loses nothing."""
+"""The cache of a diagnosis: what it has simulated, on disk, so that an interrupted one can go on."""
 
 from __future__ import annotations
 
@@ -23,19 +23,30 @@ Arrays = Mapping[str, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class SimulationCache:
-    """Results by name, each a file that is written whole.
+    """Results by name, each in a file that is written as a whole.
 
     Attributes:
-        folder: where they lie; made with the first one.
+        folder: folder of the files; made with the first one.
     """
 
     folder: Path
 
     @staticmethod
-    def of(folder: Path, simulator: Simulator, dataset: DataSet, seed: int) -> SimulationCache:
-        """Return the cache, in a folder, of all diagnoses that would simulate the same."""
+    def of(
+        folder: Path, simulator: Simulator, dataset: DataSet, seed: int, settings: object = None
+    ) -> SimulationCache:
+        """Return the cache, in a folder, of all diagnoses that would simulate the same.
+
+        Args:
+            folder: the run folder.
+            simulator: the nominal robot.
+            dataset: the trials.
+            seed: seed of the perturbed robots.
+            settings: tuning constants of the diagnosis, where they are not the default ones.
+        """
         content = content_of(carrying(simulator.problem))
-        said = (versions_text(), *content, simulator.fidelity, seed)
+        said: tuple[object, ...] = (versions_text(), *content, simulator.fidelity, seed)
+        said += () if settings is None else (settings,)
         digest = hashlib.sha256(repr(said).encode())
         for trial in dataset.trials:
             entry = (
@@ -53,7 +64,7 @@ class SimulationCache:
 
     @property
     def count(self) -> int:
-        """How many results there are."""
+        """Number of results."""
         return sum(1 for _ in self.folder.glob("[0-9a-f]*.npz"))
 
     def read(self, name: str) -> dict[str, NDArray[np.float64]] | None:

@@ -17,6 +17,8 @@ from gaitopt.optimise.executors import SerialExecutor, open_executor
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import Simulator
 
+SLOPE = {"ground_slope": {"angle_rad": 0.05}}
+
 
 @pytest.fixture(scope="module")
 def folder(arcfold: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -88,9 +90,6 @@ def test_the_cache_knows_a_robot_by_any_covariance(
     assert recalled is not None
     assert np.array_equal(recalled.whitened, wild.rewhiten(first, ready).whitened)
     assert np.array_equal(recalled.marker, first.marker)
-
-
-SLOPE = {"ground_slope": {"angle_rad": 0.05}}
 
 
 class NoExecutor(SerialExecutor):

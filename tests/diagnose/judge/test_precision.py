@@ -21,7 +21,7 @@ def fitted(measured: np.ndarray, predicted: Callable[[float], np.ndarray], at: S
 
 
 @pytest.mark.parametrize("size", [0.0, 10.0])
-def test_nine_in_ten_intervals_cover_whatever_nobody_knows_of_the_robot(size: float) -> None:
+def test_nine_in_ten_intervals_cover_whatever_the_small_errors_of_the_robot(size: float) -> None:
     """Errors of noise alone are over-covered: its squares count tempered."""
     rng = np.random.default_rng(5)
     slope, hidden = rng.standard_normal(ROWS) * 8.0, rng.standard_normal((4, ROWS)) / 2.0
