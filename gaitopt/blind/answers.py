@@ -12,7 +12,7 @@ from gaitopt.core.files import read_json
 from gaitopt.core.validation import validated
 
 TIED = 0.995
-"""Effects whose whitened signatures have this cosine are told apart by no likelihood."""
+"""If the whitened signatures of two effects have this cosine, no likelihood separates the two."""
 
 
 class FittedParameter(BaseModel):

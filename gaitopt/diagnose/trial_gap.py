@@ -68,7 +68,7 @@ class TrialGap:
         cleaned: the trial as recorded and as used, with the record's own defects.
         aligned: the cleaned trial beside the nominal prediction.
         floors: floor of each signal.
-        splits: the gap of each signal by component, the defects' share with it.
+        splits: the gap of each signal by component, with what defects of the record put into it.
         mismatches: defects seen only beside the prediction.
     """
 
@@ -98,7 +98,7 @@ class TrialGap:
 
     @property
     def counts(self) -> bool:
-        """Whether the trial can blame anything: a gap, cleaned or as recorded, above the floor."""
+        """Whether the trial can show a cause: a gap, cleaned or as recorded, above the floor."""
         return max(self.ratios.values()) > 1.0 or bool(self.blamed)
 
     @property

@@ -35,7 +35,7 @@ def export_files(
         table: the table.
         replay: how it did in simulation.
         warnings: what the README warns of.
-        from_datasheet: per channel, the values of its calibration that nobody set.
+        from_datasheet: per channel, the values of its calibration that are not set.
     """
     environment = _environment()
     known = vars(facts(table))

@@ -60,7 +60,7 @@ class Exported:
         replay: how the table did in simulation.
         lags: servos that fall behind their commands.
         warnings: what the user should know.
-        from_datasheet: per channel, the values of its calibration that nobody set.
+        from_datasheet: per channel, the values of its calibration that are not set.
         files: the files written.
     """
 
@@ -99,7 +99,7 @@ class Handover:
         replay: how the table did in simulation.
         lags: servos that fall behind their commands.
         warnings: what the user should know.
-        from_datasheet: per channel, the values of its calibration that nobody set.
+        from_datasheet: per channel, the values of its calibration that are not set.
     """
 
     format: Format

@@ -22,13 +22,16 @@ from gaitopt.robot.signals import is_marker, name_of
 _WIDTH = 6.0
 """Inches, as of the other figures."""
 
+_SHOWN = 12
+"""Candidates in the ranking."""
+
 _MASKED_COLOUR = "0.35"
 _RANK_COLOURS = {"no effect": "0.6"}
 _HATCHES = ("", "//", "..", "xx", "\\\\")
 
 
 def measured_and_simulated(trial: TrialGap, after: Aligned | None = None) -> Figure:
-    """Draw every measured signal of a trial over its prediction, samples that do not count marked.
+    """Draw every measured signal of a trial over its prediction, and mark samples that do not count.
 
     Args:
         trial: the trial beside the nominal robot.
@@ -47,7 +50,7 @@ def measured_and_simulated(trial: TrialGap, after: Aligned | None = None) -> Fig
 
 
 def _signal(axes: Axes, trial: TrialGap, name: str, after: Aligned | None) -> None:
-    """Draw one signal; the recording as it was made, so that corrected time stamps show."""
+    """Draw one signal, and time stamps as recorded where they were corrected."""
     aligned, recorded = trial.aligned, trial.cleaned.recorded
     scale, origin = _scale(name), float(np.nanmin(aligned.predicted[name]))
     used = aligned.trial.used[name]
@@ -100,12 +103,12 @@ def components(diagnosis: Diagnosis) -> Figure:
 
 
 def ranking(found: Causes) -> Figure:
-    """Draw what the best candidates leave of the held-out trials, and nothing at all beside them."""
+    """Draw the error that the best candidates leave on held-out trials, beside that without any effect."""
     firsts: dict[str, float] = {"no effect": float(found.none.heldout_loss.sum())}
     errors = {"no effect": 0.0}
     best = found.candidates[0]
     for candidate in found.candidates:
-        if candidate.label not in firsts and len(firsts) < 13:
+        if candidate.label not in firsts and len(firsts) <= _SHOWN:
             apart = candidate.heldout_loss - best.heldout_loss
             firsts[candidate.label] = float(candidate.heldout_loss.sum())
             errors[candidate.label] = float(np.sqrt(len(apart)) * apart.std())
@@ -131,7 +134,7 @@ def ranking(found: Causes) -> Figure:
 
 
 def profile(found: Causes) -> Figure:
-    """Draw the loss along each parameter of the winner, and the sets simulated."""
+    """Draw the loss along each parameter of the winner, and the values that were simulated."""
     best = found.candidates[0]
     figure = Figure(figsize=(_WIDTH, 0.3 + 2.7 * len(best.fits)), layout="constrained")
     grid = figure.subplots(len(best.fits), 1, squeeze=False)[:, 0]
@@ -186,7 +189,7 @@ def _rms_of(trial_set: TrialSet, apart: NDArray[np.float64], trial: int) -> floa
 
 
 def _by_phase(trial: TrialGap, name: str) -> np.ndarray:
-    """Return the gap at each phase in floors, at least a little so that it has a logarithm."""
+    """Return the gap at each phase in floors; at least 0.001, so that it has a logarithm."""
     floor = trial.floors[name].total
     ratios: np.ndarray = np.maximum(trial.splits[name].by_phase / (floor or 1.0), 1e-3)
     return ratios
