@@ -1,11 +1,12 @@
 """Executors reach every job, and change no bit of it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from planting import dataset, filmed, rollout
+from cluster import running_cluster
+from planting import dataset, recording_of, rollout
 
 from gaitopt import blind_make, check, compare, diagnose, export, sweep
 from gaitopt.core.errors import GaitoptError
@@ -46,6 +47,33 @@ def test_the_same_bits_on_every_executor(strider: Problem, job: Job) -> None:
         assert to_json({"rows": job(strider, executor=executor, workers=2)}) == rows, executor
 
 
+@pytest.fixture(scope="module")
+def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The name of the executor of a dask cluster."""
+    pytest.importorskip("distributed", reason="dask.distributed (the extra `cluster`) is not installed")
+    with running_cluster(tmp_path_factory.mktemp("dask")) as address:
+        yield f"dask://{address}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("job", [compared, swept, checked])
+def test_the_same_bits_on_a_cluster(strider: Problem, job: Job, dask: str) -> None:
+    assert to_json({"rows": job(strider, executor=dask)}) == to_json(
+        {"rows": job(strider, executor="serial")}
+    )
+
+
+@pytest.mark.slow
+def test_a_diagnosis_and_a_blind_case_on_a_cluster(quick: Problem, dask: str) -> None:
+    options = {"seed": 2, "seconds": 2.2, "gaits": ["square-1s"], "kind": "outside"}
+    blind_make(quick, 1, "cluster", executor=dask, **options)  # type: ignore[arg-type]
+    blind_make(quick, 1, "here", executor="serial", **options)  # type: ignore[arg-type]
+    assert content(Path("cluster")) == content(Path("here"))
+    trials, few = Path("here") / "case-000", ["ground_slope"]
+    runs = [diagnose(quick, trials, effects=few, next_gait=False, executor=e) for e in (dask, "serial")]
+    assert to_json(runs[0].diagnosis.to_dict()) == to_json(runs[1].diagnosis.to_dict())
+
+
 @pytest.mark.slow
 def test_an_export_is_the_same_on_every_executor(quick: Problem) -> None:
     said = []
@@ -78,7 +106,8 @@ def test_blind_cases_are_the_same_on_every_executor(quick: Problem, kind: str, o
 @pytest.mark.slow
 def test_a_diagnosis_is_the_same_on_every_executor(quick: Problem) -> None:
     sloped = rollout(quick, "square-1s", 4.0, {"ground_slope": {"angle_rad": 0.08}})
-    trials = dataset(Path("trials"), {"one": ("square-1s", filmed(sloped, signals=("marker.x", "marker.z")))})
+    recording = recording_of(sloped, signals=("marker.x", "marker.z"))
+    trials = dataset(Path("trials"), {"one": ("square-1s", recording)})
     found = []
     for executor in ("serial", "processes"):
         run = diagnose(quick, trials, effects=["ground_slope"], next_gait=False, executor=executor)

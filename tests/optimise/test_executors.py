@@ -1,7 +1,6 @@
 """Executors: the same bits wherever the work is done, and no work lost with a worker."""
 
 import gc
-import json
 import os
 import shutil
 import signal
@@ -14,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from cluster import running_cluster
 from helpers import ROBOTS, edited, problem_folder, same_numbers
 
 from gaitopt.cli import app as cli
@@ -29,9 +29,6 @@ from gaitopt.optimise.quasi_random import quasi_random
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.setup import RobotSetup
-
-HERE = (Path(__file__).parents[2], Path(__file__).parents[1], Path(__file__).parent)
-"""Where workers of a cluster find the package, the helpers and this file."""
 
 TETRAHEDRON = b"v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 
@@ -201,30 +198,10 @@ def test_a_pool_shuts_down_what_it_opened() -> None:
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a dask scheduler on loopback with two workers, each a process of its own."""
+    """The address of a dask scheduler with two workers."""
     pytest.importorskip("distributed", reason="dask.distributed (the extra `cluster`) is not installed")
-    folder = tmp_path_factory.mktemp("dask")
-    file = folder / "scheduler.json"
-    begin = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
-    work = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file)]
-    commands = [
-        [*begin, "--scheduler-file", str(file), "--no-dashboard"],
-        *[[*work, "--nthreads", "1", "--nworkers", "1", "--no-dashboard"]] * 2,
-    ]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, HERE))}
-    with (folder / "log").open("w") as log:
-        running = [subprocess.Popen(c, cwd=folder, stdout=log, stderr=log, env=environment) for c in commands]
-    try:
-        until = time.monotonic() + 30.0
-        while not file.exists():
-            assert time.monotonic() < until, (folder / "log").read_text()
-            time.sleep(0.05)
-        yield json.loads(file.read_text())["address"].removeprefix("tcp://")
-    finally:
-        for process in reversed(running):
-            process.send_signal(signal.SIGINT)
-        for process in running:
-            process.wait(20.0)
+    with running_cluster(tmp_path_factory.mktemp("dask")) as address:
+        yield address
 
 
 @pytest.mark.slow

@@ -1,0 +1,41 @@
+"""A dask cluster on this machine, for the tests of executors."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+HERE = (ROOT, ROOT / "tests", ROOT / "tests" / "optimise")
+"""Where its workers find the package, the helpers and the calls that tests send."""
+
+
+@contextmanager
+def running_cluster(folder: Path) -> Iterator[str]:
+    """The address of a dask scheduler on loopback with two workers, each a process of its own."""
+    file = folder / "scheduler.json"
+    begin = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+    work = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file)]
+    commands = [
+        [*begin, "--scheduler-file", str(file), "--no-dashboard"],
+        *[[*work, "--nthreads", "1", "--nworkers", "1", "--no-dashboard"]] * 2,
+    ]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, HERE))}
+    with (folder / "log").open("w") as log:
+        running = [subprocess.Popen(c, cwd=folder, stdout=log, stderr=log, env=environment) for c in commands]
+    try:
+        until = time.monotonic() + 30.0
+        while not file.exists():
+            assert time.monotonic() < until, (folder / "log").read_text()
+            time.sleep(0.05)
+        yield json.loads(file.read_text())["address"].removeprefix("tcp://")
+    finally:
+        for process in reversed(running):
+            process.send_signal(signal.SIGINT)
+        for process in running:
+            process.wait(20.0)
