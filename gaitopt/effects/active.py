@@ -138,7 +138,7 @@ class RobotEffects:
 
     @property
     def changes_robot(self) -> bool:
-        """Whether any effect changes the robot or its commands, not the measurement alone."""
+        """Whether any effect changes the robot or its commands, and not the measurement only."""
         return any(s.effect.changes_robot for s in self.active)
 
     @property

@@ -23,11 +23,11 @@ evenly between its ends (exact for the horizontal momentum of uniform links)
 so an infinitely stiff arch needs no internal force.
 
 *Which parts touch.*  A pad of half width r and half thickness t reaches
-h(f) = r |sin f| + t cos f - c below the body's underside.  Where one pad alone
+h(f) = r |sin f| + t cos f - c below the body's underside.  Where only one pad
 is down, it carries its module.  Where both are, the body rolls away from the
 pads' lower edges, y(f) = r cos f off the middle, by the smaller of the angles
 h / (w + y).  The weaker module ("w") then shares its load between its pad and the
-body's far edge; the other ("o") stands on its pad alone.  The balance of the roll
+body's far edge; the other ("o") stands on its pad only.  The balance of the roll
 moments about the centre line gives the weaker pad's share
 
     p = (Nw w - No yo) / (Nw (w + yw))

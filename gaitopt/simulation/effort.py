@@ -1,4 +1,4 @@
-"""How much work a simulation is, in counts: with a clock, no two runs would end with the same bits."""
+"""The work of a simulation, in counts: with a clock, results would depend on the machine's speed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Counts = Mapping[str, NDArray[np.int32]]
 
 
 class WorkBudget:
-    """The work that a rollout may still take. It is counted in some steps, which stand for all."""
+    """The work that a rollout may still take, estimated from the counts of some of its steps."""
 
     def __init__(self, allowed: float, chunk: int, every: int, nv: int):
         """Allow an amount of work.
@@ -39,13 +39,13 @@ class WorkBudget:
         self._chunks = max(1, every // chunk)
 
     def counters(self, begin: int, end: int) -> Counts:
-        """Return what the steps `begin` to `end` record their counts into; nothing where none is counted."""
+        """Return arrays for the counts of the steps `begin` to `end`; none if these are not counted."""
         if begin // self._chunk % self._chunks:
             return {}
         return {name: array[:, : end - begin] for name, array in self._counts.items()}
 
     def spend(self, counts: Counts, steps: int) -> None:
-        """Take off what was counted in a chunk of so many steps, for it and those not counted after it."""
+        """Subtract the work of a counted chunk of `steps`, and as much for each uncounted one after it."""
         if counts:
             some = {name: array[:, :: self._every] for name, array in counts.items()}
             self._left -= self._chunks * steps * mean_work(some, self._nv)
@@ -57,7 +57,7 @@ class WorkBudget:
 
 
 def counters(steps: int) -> Counts:
-    """Return what a rollout of one simulation records its counts into, each of shape (1, steps, ...)."""
+    """Return the arrays for the counts of a rollout of one simulation, each of shape (1, steps, ...)."""
     return {
         "nJ": np.zeros((1, steps), np.int32),
         "solver_niter": np.zeros((1, steps, mujoco.mjNISLAND), np.int32),
@@ -76,7 +76,7 @@ def mean_work(counts: Counts, nv: int) -> float:
         counts: what was counted in the steps.
         nv: degrees of freedom.
     """
-    islands = np.clip(counts["nisland"], 1, mujoco.mjNISLAND)  # MuJoCo tells the iterations of at most this
+    islands = np.clip(counts["nisland"], 1, mujoco.mjNISLAND)  # MuJoCo counts the iterations of at most these
     iterations = counts["solver_niter"].sum(axis=-1) / islands
     return float(_empty(nv) + (counts["nJ"] * (1.0 + iterations)).mean())
 

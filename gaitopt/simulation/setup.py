@@ -31,7 +31,7 @@ class RobotSetup:
         scenarios: the scenarios, the same for every gait.
         fidelity: timestep and integrator.
         key: equal for equal setups, so that a worker compiles each once.
-        versions: what the figures depend on beside the setup; a worker has to run the same.
+        versions: versions of the packages that decide the bits; a worker must run the same.
     """
 
     problem: Problem
@@ -51,7 +51,7 @@ class RobotSetup:
 
 @dataclass
 class _Slot:
-    """A place for a compiled robot, and the lock of whoever compiles it."""
+    """A place for a compiled robot, and the lock that the thread that compiles it holds."""
 
     lock: threading.Lock = field(default_factory=threading.Lock)
     compiled: tuple[Simulator, Robot] | None = None

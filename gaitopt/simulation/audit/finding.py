@@ -21,37 +21,37 @@ class FindingKind:
 
 UNREST_AT_START = FindingKind(
     "unrest_at_start",
-    "Let the robot settle under its start targets, and start there; look for overlapping geoms and for "
+    "Let the robot settle under its start targets, and start there. Look for overlapping geoms and for "
     "springs that are not at rest.",
 )
 INERT_PARAMETER = FindingKind(
     "inert_parameter",
-    "Make the parameter reach what it is meant to change, or take it out: whoever sets it believes a number "
-    "that does nothing.",
+    "Make the parameter act on what it is meant to change, or remove it: a number that does nothing misleads "
+    "whoever sets it.",
 )
 DIVERGED = FindingKind(
     "diverged", "Take a smaller timestep, an implicit integrator, or softer or fewer contacts."
 )
 SELF_COLLISION = FindingKind(
-    "self_collision", "Exclude pairs of parts that are meant to touch, and move apart those that are not."
+    "self_collision", "Exclude pairs of parts that are meant to touch, and move the other parts apart."
 )
 AIRTIME = FindingKind(
     "airtime",
-    "A crawler does not fly: look for servos without a torque limit, masses and lengths in wrong units, and "
-    "contacts that throw.",
+    "A crawler does not fly. Look for servos without a torque limit, masses and lengths in wrong units, and "
+    "contacts that throw the robot.",
 )
 SIDEWAYS_DRIFT = FindingKind(
     "sideways_drift",
-    "Look for what is not symmetric: contacts, inertias, start pose; or steer against it.",
+    "Look for what is not symmetric: contacts, inertias, start pose. Or steer against the drift.",
 )
 CHAOS = FindingKind(
     "chaos",
-    "Judge by means over many start poses, never by one rollout; leaps and self-collision cause it.",
+    "Judge by means over many start poses, never by one rollout. Leaps and self-collision cause chaos.",
 )
 COMMAND_NOT_FOLLOWED = FindingKind(
     "command_not_followed",
-    "Make the gait slower or smaller, or the servo stronger, whichever is true to the robot; until then "
-    "commanded angles say little about motion.",
+    "Make the gait slower or smaller, or the servo stronger if the real one is. Until then, commanded angles "
+    "say little about motion.",
 )
 TIMESTEP_CONVERGENCE = FindingKind(
     "timestep_convergence",

@@ -26,8 +26,8 @@ class CheckSettings:
         timestep_floor_m_s: largest such change whatever the speed, m/s.
         starts: perturbed starts of which the mean speed is taken.
         start_spread_rad: standard deviation of their poses, rad.
-        step_budget: steps that the check of the timestep may take for a gait before it makes do with
-            fewer starts.
+        step_budget: steps that the check of the timestep may take for a gait; a longer gait gets fewer
+            starts, at least two.
     """
 
     rest_s: float = 5.0
