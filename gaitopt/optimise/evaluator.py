@@ -1,9 +1,9 @@
-"""Evaluating gaits over scenarios on an executor, in an order that no scheduling can change."""
+"""The evaluation of gaits over scenarios on an executor, in an order that no scheduling can change."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import CancelledError, Executor
 from dataclasses import dataclass, replace
 
@@ -24,7 +24,13 @@ DROPPED = "dropped"
 
 @dataclass(frozen=True)
 class Outcome:
-    """One gait in one scenario."""
+    """One gait in one scenario.
+
+    Attributes:
+        metrics: what it achieved.
+        status: ``ok``, or why the simulation failed.
+        simulated_s: simulated seconds.
+    """
 
     metrics: Metrics
     status: str
@@ -57,6 +63,19 @@ def assess(setup: RobotSetup, gait: Gait, scenario: int) -> Outcome:
     return Outcome(metrics, trajectory.status, simulator.duration(gait))
 
 
+def assess_all(work: Iterable[tuple[RobotSetup, Gait, int]], executor: Executor) -> list[Outcome]:
+    """Return the outcome of each setup, gait and scenario, in the order asked for.
+
+    Raises:
+        GaitoptError: the connection to the executor's workers was lost.
+    """
+    try:
+        futures = [executor.submit(assess, setup, gait, scenario) for setup, gait, scenario in work]
+        return [future.result() for future in futures]
+    except CancelledError:
+        raise GaitoptError("--executor: the connection to its workers was lost") from None
+
+
 @dataclass(frozen=True)
 class Evaluator:
     """Judges gaits with one setup, on an executor.
@@ -84,12 +103,9 @@ class Evaluator:
             GaitoptError: the connection to the executor's workers was lost.
         """
         scenarios = range(len(self.setup.scenarios)) if scenarios is None else scenarios
-        submit = self.executor.submit
-        try:
-            futures = [[submit(assess, self.setup, gait, s) for s in scenarios] for gait in gaits]
-            return [[future.result() for future in row] for row in futures]
-        except CancelledError:
-            raise GaitoptError("--executor: the connection to its workers was lost") from None
+        work = [(self.setup, gait, scenario) for gait in gaits for scenario in scenarios]
+        done = iter(assess_all(work, self.executor))
+        return [[next(done) for _ in scenarios] for _ in gaits]
 
     def __call__(self, gaits: Sequence[Gait]) -> list[Evaluated]:
         """Return evaluation and outcomes of each gait, in the order asked for."""

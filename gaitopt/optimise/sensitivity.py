@@ -20,23 +20,30 @@ from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import SPEED
 from gaitopt.simulation.setup import RobotSetup
 
-GAIT_STEP = 0.05
-"""Step of a gait's number, as a share of its range."""
 
-MODEL_STEP = 0.1
-"""Step of a model's parameter, as a share of its value."""
+@dataclass(frozen=True)
+class SensitivitySettings:
+    """How far numbers are moved.
+
+    Attributes:
+        gait_step: step of a number of the gait, as a share of its range.
+        model_step: step of a parameter of the model, as a share of its value.
+    """
+
+    gait_step: float = 0.05
+    model_step: float = 0.1
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What one number does to the mean forward speed over the same scenarios.
+    """How one number changes the mean forward speed over the same scenarios.
 
     Attributes:
         name: the number.
         kind: ``gait`` or ``model``.
         down, up: change of the speed a step down and a step up, m/s.
-        slope: half the difference of the two, m/s a step: the central difference.
-        noise: half the 90 % interval of `slope`, m/s, by its spread over the scenarios.
+        slope: half the difference of the two (the central difference), m/s a step.
+        noise: half the width of the 90 % interval of `slope`, m/s, from its spread over the scenarios.
     """
 
     name: str
@@ -47,38 +54,50 @@ class Sensitivity:
     noise: float
 
 
-def sensitivities(problem: Problem, gait: Gait, seed: int, executor: Executor) -> list[Sensitivity]:
-    """Return the sensitivity to each number of the gait and of the model that it has an effect on.
+def sensitivities(
+    problem: Problem,
+    gait: Gait,
+    seed: int,
+    executor: Executor,
+    settings: SensitivitySettings = SensitivitySettings(),
+) -> list[Sensitivity]:
+    """Return the sensitivity of the speed to each number of the gait and to each parameter of the model.
 
-    Each number is moved a step down and a step up, all else as it was, in scenarios that are the same for
-    all of them. A parameter of value 0 has no step, and one that the model does not stand is left out.
+    Each number is moved alone, a step down and a step up, in the same scenarios. A parameter of value 0 has
+    no step. One with which the model cannot be built is left out.
+
+    Args:
+        problem: the problem.
+        gait: the gait.
+        seed: seed of the scenarios.
+        executor: where the rollouts run.
+        settings: how far numbers are moved.
     """
     scenarios = scenarios_of(problem, seed, Stream.SENSITIVITY_SCENARIOS)
 
     def speeds(changed: Problem, gaits: Sequence[Gait]) -> NDArray[np.float64]:
-        setting = RobotSetup.of(changed, scenarios, changed.simulation.working)
-        rows = Evaluator(setting, executor).outcomes(gaits)
+        setup = RobotSetup.of(changed, scenarios, changed.simulation.working)
+        rows = Evaluator(setup, executor).outcomes(gaits)
         return np.array([[outcome.metrics[SPEED.name] for outcome in row] for row in rows])
 
     names = [variable.name for variable in problem.space.variables]
-    nominal, *moved = speeds(problem, [gait, *_moved(problem, gait)])
+    nominal, *moved = speeds(problem, [gait, *_moved(problem, gait, settings.gait_step)])
     found = [
         _sensitivity(name, "gait", nominal, moved[2 * i], moved[2 * i + 1]) for i, name in enumerate(names)
     ]
     for name, parameter in problem.file.parameters.items():
-        changed = _changed(problem, name, parameter.value)
+        changed = _changed(problem, name, parameter.value, settings.model_step)
         if changed:
             found.append(_sensitivity(name, "model", nominal, *(speeds(one, [gait])[0] for one in changed)))
     return found
 
 
-def _changed(problem: Problem, name: str, value: float) -> list[Problem]:
-    """Return the problem with a parameter a step down and a step up; nothing where that cannot be."""
+def _changed(problem: Problem, name: str, value: float, step: float) -> list[Problem]:
+    """Return the problem with a parameter a step down and a step up; nothing where it cannot be built."""
     if value == 0.0:
         return []
-    steps = (1.0 - MODEL_STEP, 1.0 + MODEL_STEP)
     try:
-        changed = [problem.with_parameters({name: value * step}) for step in steps]
+        changed = [problem.with_parameters({name: value * factor}) for factor in (1.0 - step, 1.0 + step)]
         for one in changed:
             build_model(one)
     except GaitoptError:
@@ -86,14 +105,14 @@ def _changed(problem: Problem, name: str, value: float) -> list[Problem]:
     return changed
 
 
-def _moved(problem: Problem, gait: Gait) -> list[Gait]:
+def _moved(problem: Problem, gait: Gait, step: float) -> list[Gait]:
     """Return the gait with each of its numbers a step down and a step up, inside the bounds."""
     point = problem.space.encode(gait)
     moved = []
     for index in range(len(point)):
-        for step in (-GAIT_STEP, GAIT_STEP):
+        for move in (-step, step):
             there = point.copy()
-            there[index] += step
+            there[index] += move
             moved.append(problem.space.decode(there))
     return moved
 

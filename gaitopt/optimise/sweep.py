@@ -11,7 +11,7 @@ import numpy as np
 
 from gaitopt.core.errors import GaitoptError, unknown_name
 from gaitopt.gait.gait import Channel, Gait
-from gaitopt.optimise.evaluator import Evaluator
+from gaitopt.optimise.evaluator import assess_all, judge
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import Metrics
 from gaitopt.simulation.scenario import NOMINAL
@@ -28,7 +28,12 @@ class SweepPoint:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A range of one parameter: of the gait (``period_s``, ``CHANNEL.KEY``) or of the model."""
+    """A range of one parameter: of the gait (``period_s``, ``CHANNEL.KEY``) or of the model.
+
+    Attributes:
+        name: the parameter.
+        values: its values, in the unit of the gait file or of the problem file.
+    """
 
     name: str
     values: tuple[float, ...]
@@ -102,11 +107,15 @@ class SweptPoint:
 
 def sweep(points: Sequence[SweepPoint], executor: Executor) -> list[SweptPoint]:
     """Return the figures of each point, on the nominal robot."""
-    rows = []
-    for point in points:
-        problem, gait = point.problem, point.gait
-        setting = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
-        one = Evaluator(setting, executor)([gait])[0]
-        outcome, met = one.outcomes[0], one.evaluation.constraints_met
-        rows.append(SweptPoint(gait.name, gait.period_s, outcome.status, met, outcome.metrics))
-    return rows
+    setups = [RobotSetup.of(p.problem, (NOMINAL,), p.problem.simulation.working) for p in points]
+    work = [(setup, point.gait, 0) for setup, point in zip(setups, points, strict=True)]
+    return [
+        SweptPoint(
+            name=point.gait.name,
+            period_s=point.gait.period_s,
+            status=outcome.status,
+            constraints_met=judge(point.problem, [outcome]).constraints_met,
+            metrics=outcome.metrics,
+        )
+        for point, outcome in zip(points, assess_all(work, executor), strict=True)
+    ]

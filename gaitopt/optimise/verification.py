@@ -19,6 +19,7 @@ from gaitopt.simulation.scenario import Scenario, draw_scenarios
 from gaitopt.simulation.setup import RobotSetup
 
 _SELECTION_SCENARIOS = 8
+"""Scenarios of the selection of the winner and of the sensitivities."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,14 @@ def scenarios_of(problem: Problem, seed: int, stream: Stream) -> tuple[Scenario,
 
 
 def verify(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executor) -> list[Verified]:
-    """Return each gait at the reference fidelity over the verification scenarios."""
+    """Return each gait at the reference fidelity over the verification scenarios.
+
+    Args:
+        problem: the problem.
+        gaits: the gaits.
+        seed: seed of the scenarios.
+        executor: where the rollouts run.
+    """
     scenarios = scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS)
     evaluator = Evaluator(RobotSetup.of(problem, scenarios, problem.simulation.reference), executor)
     verified = []

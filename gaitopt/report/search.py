@@ -11,7 +11,7 @@ from gaitopt.core.json import to_json
 from gaitopt.core.quantities import figure
 from gaitopt.optimise.ladder import LadderSettings, Rung
 from gaitopt.optimise.run import Optimised
-from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, Sensitivity
+from gaitopt.optimise.sensitivity import Sensitivity, SensitivitySettings
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
 from gaitopt.report.figures import comparison as comparison_figures
@@ -153,13 +153,17 @@ def _sensitivity_pictures(sensitive: Sequence[Sensitivity]) -> dict[str, Picture
     if gait:
         pictures["sensitivity"] = Picture(
             "Sensitivity to the gait",
-            search_figures.sensitivity(gait, step := f"{100 * GAIT_STEP:.0f} % of its range"),
+            search_figures.sensitivity(
+                gait, step := f"{100 * SensitivitySettings.gait_step:.0f} % of its range"
+            ),
             _sensitivity_caption("its numbers", step, "what to set with care on the robot"),
         )
     if model:
         pictures["sensitivity-model"] = Picture(
             "Sensitivity to the model",
-            search_figures.sensitivity(model, step := f"{100 * MODEL_STEP:.0f} % of its value"),
+            search_figures.sensitivity(
+                model, step := f"{100 * SensitivitySettings.model_step:.0f} % of its value"
+            ),
             _sensitivity_caption("the model's parameters", step, "what is worth measuring well"),
         )
     return pictures

@@ -7,7 +7,7 @@ import pytest
 
 from gaitopt.core.streams import Stream
 from gaitopt.optimise.executors import SerialExecutor
-from gaitopt.optimise.sensitivity import GAIT_STEP, MODEL_STEP, sensitivities
+from gaitopt.optimise.sensitivity import SensitivitySettings, sensitivities
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
@@ -31,7 +31,8 @@ def test_sensitivities_are_paired_differences_over_common_scenarios(strider: Pro
         runs = [simulator.run(gait, i) for i in range(len(scenarios))]
         return np.array([measure(problem, gait, run, robot)["speed_m_s"] for run in runs])
 
-    nominal, down, up = speeds(1.0), speeds(1.0 - MODEL_STEP), speeds(1.0 + MODEL_STEP)
+    step = SensitivitySettings.model_step
+    nominal, down, up = (speeds(1.0 + move) for move in (0.0, -step, step))
     one = found["model", "k_servo"]
     assert one.down == pytest.approx((down - nominal).mean(), abs=1e-12)
     assert one.up == pytest.approx((up - nominal).mean(), abs=1e-12)
@@ -49,4 +50,4 @@ def test_a_gaits_number_at_its_bound_moves_one_way_only(strider: Problem) -> Non
     gait = strider.space.decode(point)
     found = {one.name: one for one in sensitivities(strider, gait, 1, SerialExecutor())}
     assert found["rear.smoothing"].down == pytest.approx(0.0, abs=1e-6)
-    assert GAIT_STEP < 0.5
+    assert SensitivitySettings.gait_step < 0.5
