@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -97,5 +97,5 @@ def hold(problem: Problem, target: float, seconds: float, **effects: Mapping[str
 def acceleration(trajectory: Trajectory, axis: str, begin: float = 0.2) -> float:
     """The constant acceleration of the marker along an axis from a time on, m/s^2."""
     late = trajectory.time >= begin
-    quadratic: Sequence[float] = np.polyfit(trajectory.time[late], trajectory[f"marker.{axis}"][late], 2)
+    quadratic = np.polyfit(trajectory.time[late], trajectory[f"marker.{axis}"][late], 2)
     return 2.0 * float(quadratic[0])

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from planting import dataset, recording_of, rollout
+from planting import SIGNALS, dataset, recording_of, rollout
 
 from gaitopt.diagnose.diagnosis import Diagnosis, locate
 from gaitopt.diagnose.record.dataset import load_dataset
@@ -51,8 +51,7 @@ def diagnosed(arcfold: Problem, simulator: Simulator, tmp_path_factory: pytest.T
         trials = {}
         for name, trajectory in rollouts[key].items():
             for repeat in range(repeats):
-                more = {"signals": signals} if signals else {}
-                columns = recording_of(trajectory, begin, seed=1 + repeat, **more)
+                columns = recording_of(trajectory, begin, seed=1 + repeat, signals=signals or SIGNALS)
                 if change is not None:
                     change(columns)
                 trials[f"{name}-{repeat}" if repeats > 1 else name] = (TRIALS[name][0], columns)

@@ -26,6 +26,7 @@ def test_the_floor_sees_noise_and_start_pose(diagnosed: Diagnosed) -> None:
     for trial in diagnosed().trials:
         floor = trial.floors["marker.x"]
         assert floor.noise == pytest.approx(5e-4, rel=0.5)
+        assert floor.spread is not None
         assert floor.spread >= 0.5 * floor.noise
         assert floor.start_pose > 0.0
         assert floor.numerics > 0.0

@@ -62,6 +62,6 @@ def test_a_wrong_unit(scale: float, said: str) -> None:
 @pytest.mark.parametrize("name", ["marker.x", "marker.z"])
 def test_a_reversed_axis(name: str) -> None:
     trial = replace(recorded(), starts_at_s=0.0)
-    (defect,) = mismatched(replace(trial, signals=trial.signals | {name: -trial.signals[name]}))
+    (defect,) = mismatched(replace(trial, signals={**trial.signals, name: -trial.signals[name]}))
     assert defect.name == "axis_reversed"
     assert defect.message.startswith(name)

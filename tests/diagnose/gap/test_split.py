@@ -31,6 +31,7 @@ def test_size_drift_and_delay_are_recovered(size: float, drift: float, delay: fl
     part = made_up(size=size, drift=drift, delay=delay)
     assert part.size == pytest.approx(size, abs=0.01)
     assert part.delay_s == pytest.approx(delay, abs=0.01)
+    assert part.travel is not None
     assert part.travel[0] == pytest.approx(0.02 * size + drift, abs=1e-5)
 
 

@@ -110,8 +110,8 @@ def test_every_format(
 def test_what_was_changed_is_said(tmp_path: Path) -> None:
     named = {defect.name for defect in import_file(written(tmp_path, deeplabcut()), PIXELS).defects}
     assert {"pixels", "unlikely_points", "gaps"} <= named
-    named = {defect.name: defect for defect in import_file(written(tmp_path, sleap()), PIXELS).defects}
-    assert "1 frame missing" in named["gaps"].message
+    by_name = {defect.name: defect for defect in import_file(written(tmp_path, sleap()), PIXELS).defects}
+    assert "1 frame missing" in by_name["gaps"].message
 
 
 def test_other_joints_and_the_view_from_above(tmp_path: Path) -> None:
