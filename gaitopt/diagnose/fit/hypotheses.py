@@ -24,7 +24,7 @@ class Hypothesis:
 
     Attributes:
         effect: the effect.
-        target: what it acts on; `ALL` for effects without a target.
+        target: actuator that it acts on; `ALL` for all of them, and for effects without a target.
         low, high: searched range of the coordinate.
         neutral: coordinate at which nothing changes, or the bound nearest to it.
         nominal: parts of the nominal robot, for priors.

@@ -99,7 +99,7 @@ class PairFit:
         return wanted
 
     def learn(self, comparison: Comparison) -> None:
-        """Take in a simulated pair: update the slopes as Broyden does, shorten the step if it is worse."""
+        """Add a simulated pair: update the slopes as Broyden does, shorten the step if it is worse."""
         before = self.best()
         moved = (comparison.at - before.at) / self.spans
         size = float(moved @ moved)

@@ -1,6 +1,6 @@
 """Robots simulated for a set of trials: the only heavy work of a fit.
 
-What an executor is given are values: a problem and the values of its effects, or a simulator, and what is to
+An executor is given values: a problem and the values of its effects, or a simulator, and what is to
 be run. It returns the measured signals alone. The trials are compared with them here, in the calling process,
 which also reads and writes the cache. So threads, processes and remote workers give the same bits.
 """
@@ -60,8 +60,8 @@ class Runner:
 
     Attributes:
         executor: where robots are simulated.
-        on_progress: called as it goes.
-        cache: keeps what is simulated, and has what was; None to keep nothing.
+        on_progress: called after each robot of a stage.
+        cache: results of earlier runs, to which new ones are added; None to keep nothing.
     """
 
     executor: Executor
@@ -146,7 +146,7 @@ class _Pending:
 
 
 class _Batch:
-    """Comparisons in the order of their requests, taken in as soon as they are there."""
+    """Comparisons in the order of their requests, each made when its predictions are ready."""
 
     def __init__(self, runner: Runner, trial_set: TrialSet, count: int, on_done: Callable[[], None]):
         self._runner, self._trial_set, self._on_done = runner, trial_set, on_done
@@ -154,14 +154,14 @@ class _Batch:
         self._pending: dict[Future[Predictions], _Pending] = {}
 
     def put(self, index: int, comparison: Comparison | None) -> None:
-        """Take in a comparison by the first covariance."""
+        """Add a comparison that is whitened by the first covariance."""
         if comparison is not None:
             comparison = self._trial_set.rewhiten(comparison, self._trial_set.initial)
         self._found[index] = comparison
         self._on_done()
 
     def recall(self, index: int, name: str, at: tuple[float, ...]) -> bool:
-        """Take in a comparison from the cache; return whether it is there."""
+        """Add a comparison from the cache; return whether the cache has it."""
         cache = self._runner.cache
         known = None if cache is None else cache.read(name)
         if known is not None:
@@ -170,13 +170,13 @@ class _Batch:
         return known is not None
 
     def wait_for(self, index: int, name: str, at: tuple[float, ...], future: Future[Predictions]) -> None:
-        """Take in the predictions of a robot as soon as they are there."""
+        """Add the comparison with a robot when its predictions are ready."""
         self._pending[future] = _Pending(index, name, at)
         if future.done():
             self._take(future)
 
     def results(self) -> list[Comparison | None]:
-        """Wait for what is not there yet, and return all comparisons in order."""
+        """Wait for all robots, and return the comparisons in order."""
         for future in as_completed(list(self._pending)):
             self._take(future)
         return self._found

@@ -101,7 +101,7 @@ class Fit:
         return Fit(self.hypothesis, trial_set, comparisons, [*self.failed], self.settings)
 
     def add(self, at: float, comparison: Comparison | None) -> None:
-        """Take in one more robot; None where it could not be simulated."""
+        """Add a robot; None where it could not be simulated."""
         self._curve = None
         if comparison is None:
             self.failed.append(at)

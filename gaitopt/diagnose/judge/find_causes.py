@@ -92,11 +92,11 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
 
     Args:
         gap: the trials beside the nominal robot.
-        hypotheses: what is to be tried.
+        hypotheses: the effects to try, each on its targets.
         context: simulates robots; seed and settings.
 
     Raises:
-        GaitoptError: no robot that is to be tried can be simulated.
+        GaitoptError: no robot with an effect can be simulated.
     """
     prepared, settings = prepare_trials(gap, context), context.settings
     trial_set, nominal = prepared.trial_set, prepared.nominal
@@ -127,7 +127,7 @@ def _explained(judgement: Judgement, gap: NominalGap, trial_set: TrialSet, conte
 def _explained_by_two(
     wide: Judgement, gap: NominalGap, trial_set: TrialSet, context: Context
 ) -> _Explanation | None:
-    """Return the candidates of two effects, if two are needed and shown, and their cycles even enough.
+    """Return the candidates of two effects; None unless two are needed, shown and even enough.
 
     Args:
         wide: every candidate of one effect, by the first covariance.
@@ -154,7 +154,7 @@ def _concluded(found: _Explanation, gap: NominalGap, faint: bool, context: Conte
     Args:
         found: the candidates.
         gap: the trials beside the nominal robot.
-        faint: whether there is no gap to speak of if no effect explains it.
+        faint: whether the gap counts as none if no effect explains it.
         context: seed and settings.
     """
     judgement = found.judgement

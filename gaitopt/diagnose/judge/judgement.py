@@ -41,7 +41,7 @@ class Ranking:
 
 @dataclass(frozen=True)
 class Judgement:
-    """The trials, the fits, and what they are worth by one covariance.
+    """The trials and the fits, ranked by one covariance.
 
     Attributes:
         trial_set: the trials.
@@ -93,7 +93,7 @@ class Judgement:
         return evidence.scores(self.trial_set, candidates, self.settings.evidence, self.settings.response)
 
     def refine_covariance(self, context: Context, perturb: Perturb = perturbed_about) -> Judgement:
-        """Return the same with a covariance re-estimated at those candidates that lead by it.
+        """Return the same judgement with the covariance re-estimated at the leading candidates.
 
         Args:
             context: simulates robots.

@@ -20,7 +20,7 @@ from gaitopt.diagnose.judge.settings import VERDICT, VerdictSettings
 from gaitopt.diagnose.record.cycles import steady_from
 
 UNEVEN = VerdictSettings.uneven
-"""Recorded cycles are uneven if they differ this many times as much as simulated ones."""
+"""Ratio of recorded to simulated differences between cycles from which cycles are uneven."""
 
 
 def unevenness(

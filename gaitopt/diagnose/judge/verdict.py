@@ -48,7 +48,7 @@ def conclude(judgement: Judgement, robots: PerturbedRobots, uneven: float, faint
         judgement: the candidates.
         robots: robots perturbed about the first of them.
         uneven: by how much the recorded cycles differ, in differences of these robots' cycles.
-        faint: whether there is no gap to speak of if no effect explains it.
+        faint: whether the gap counts as none if no effect explains it.
         seed: seed of the draws for the p-value.
     """
     settings, trial_set = judgement.settings.verdict, judgement.trial_set
@@ -85,12 +85,12 @@ def falls_short(judgement: Judgement) -> bool:
 
 
 def is_shown(judgement: Judgement, robots: PerturbedRobots) -> bool:
-    """Whether the first candidate has no parameter that may as well be neutral."""
+    """Whether the interval of every parameter of the first candidate excludes its neutral value."""
     return Precision(robots.changes, judgement.settings).excludes_neutral(judgement.first)
 
 
 def pair_is_needed(judgement: Judgement) -> bool:
-    """Whether two effects predict enough better than one, and fit as much better.
+    """Whether two effects predict and fit clearly better than one.
 
     Where a response jumps, one effect may predict a gait badly that it fits well. A second effect does not
     mend that.
@@ -106,7 +106,7 @@ def pair_is_needed(judgement: Judgement) -> bool:
 
 
 def _other(share: float, settings: VerdictSettings) -> float:
-    """Return how likely something else is, from a sign of it in units of the value for even odds."""
+    """Return how likely another cause is: a half where `share` is 1, more where it is larger."""
     return 1.0 / (1.0 + math.exp(-settings.other_slope * math.log(max(share, 1e-9))))
 
 
@@ -116,7 +116,7 @@ def _answer(judgement: Judgement) -> _Answer:
 
 
 def _answer_of_one(judgement: Judgement) -> _Answer:
-    """Return the effects that are not ruled out, none that is only as probable as no effect."""
+    """Return the effects that are not ruled out and clearly more probable than no effect."""
     settings, ranking = judgement.settings, judgement.ranking
     weights = judgement.scores([*ranking.candidates, judgement.none])
     idle = settings.verdict.above_none * float(ranking.probabilities[0] * np.exp(weights[-1] - weights.max()))
