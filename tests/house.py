@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "gaitopt"
 PICTURE = ROOT / "docs" / "architecture.svg"
 
-_ROW, _LEFT, _WIDTH, _TOP = 58, 20, 560, 20
+_ROW, _LEFT, _WIDTH, _TOP = 58, 20, 620, 20
 _STYLE = """\
   text { font-family: system-ui, "DejaVu Sans", sans-serif; fill: #1b1f24 }
   .name { font-size: 15px; font-weight: 600 } .about { font-size: 12px; fill: #4a5058 }

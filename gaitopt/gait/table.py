@@ -49,7 +49,7 @@ class _Header(BaseModel):
     period_us: _Microseconds
     frame_us: _Microseconds
     led_pin: int | None
-    gait: dict[str, Any]
+    gait: dict[str, object]
     servos: dict[str, Calibration]
     start_us: tuple[_Word, ...]
     slew_us: tuple[_Word, ...]
