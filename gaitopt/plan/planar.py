@@ -79,11 +79,6 @@ class Cycle:
     position: Vector  # m, rear module
     speed: float  # m/s
 
-    @property
-    def stride(self) -> float:
-        """Forward travel in the cycle, m."""
-        return float(self.position[-1] - self.position[0])
-
 
 def _smooth_abs(value: Symbol, width: float) -> Symbol:
     return ca.sqrt(value**2 + width**2)

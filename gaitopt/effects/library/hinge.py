@@ -195,7 +195,7 @@ def _sides(parts: Parts) -> tuple[list[int], list[int]]:
 def _one_sided(parts: Parts) -> str | None:
     left, right = _sides(parts)
     if not (left and right):
-        return "there are no hinges on one side"
+        return "it needs hinges on both sides"
     return _no_stiffness(parts)
 
 
