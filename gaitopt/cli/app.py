@@ -10,6 +10,7 @@ from importlib.metadata import version
 
 from gaitopt.cli.command import Parser
 from gaitopt.cli.commands import COMMANDS
+from gaitopt.cli.lines import say_aside
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.interrupts import interrupts_between_imports
 from gaitopt.robot.warnings import silence_warnings
@@ -34,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except GaitoptError as problem:
         return _stated(str(problem))
     except KeyboardInterrupt:
-        print("gaitopt: interrupted", file=sys.stderr)
+        say_aside("gaitopt: interrupted")
         return INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()  # the reader went away; nothing is left to tell it
@@ -48,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _stated(problem: str) -> int:
-    print(f"gaitopt: {problem}", file=sys.stderr)
+    say_aside(f"gaitopt: {problem}")
     return STATED_PROBLEM
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
+from gaitopt.cli.lines import say_aside
 from gaitopt.core.errors import GaitoptError
 
 WRONG_USAGE = 2
@@ -77,5 +77,5 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line and end with the exit code of wrong usage."""
-        print(f"gaitopt: {GaitoptError(message)}; see {self.prog} --help", file=sys.stderr)
+        say_aside(f"gaitopt: {GaitoptError(message)}; see {self.prog} --help")
         raise SystemExit(WRONG_USAGE)

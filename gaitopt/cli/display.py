@@ -1,4 +1,4 @@
-"""What a person reads on standard output: tables and sentences."""
+"""What a person reads on standard output: tables and sentences, in which names from files are only names."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
+from gaitopt.cli.lines import say
 from gaitopt.core.quantities import figure
+from gaitopt.core.text import plain
 from gaitopt.simulation.labels import label_of, shown
 
 if TYPE_CHECKING:
@@ -21,10 +23,15 @@ if TYPE_CHECKING:
     from gaitopt.runs.summary import Summary
 
 
+def plain_console(stderr: bool = False) -> Console:
+    """Return a console of Rich that reads no markup and no emoji codes in texts, and colours nothing."""
+    return Console(stderr=stderr, markup=False, emoji=False, highlight=False)
+
+
 def print_report(folder: Path | None) -> None:
     """Print where the page of a run is, where there is one."""
     if folder is not None:
-        print(f"report: {folder / 'report.html'}")
+        say(f"report: {folder / 'report.html'}")
 
 
 def print_summary(summary: Summary) -> None:
@@ -46,27 +53,32 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     if len(keys) <= 8:
         for key in keys:
-            table.add_column(escape(label_of(key)), justify="left" if key == "name" else "right")
+            table.add_column(_cell(label_of(key)), justify="left" if key == "name" else "right")
         for row in rows:
-            table.add_row(*(shown(key, row[key]) for key in keys))
+            table.add_row(*(_cell(shown(key, row[key])) for key in keys))
     else:
         table.add_column("")
         for row in rows:
-            table.add_column(str(row["name"]), justify="right")
+            table.add_column(_cell(row["name"]), justify="right")
         for key in keys:
             if key != "name":
-                table.add_row(escape(label_of(key)), *(shown(key, row[key]) for row in rows))
-    Console().print(table)
+                table.add_row(_cell(label_of(key)), *(_cell(shown(key, row[key])) for row in rows))
+    plain_console().print(table)
 
 
 def print_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print rows of texts under a head; the first column holds names."""
+    """Print rows of texts under a head of one or more lines; the first column holds names."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for index, title in enumerate(head):
-        table.add_column(escape(title), justify="right" if index else "left")
+        table.add_column(_cell(*title.split("\n")), justify="right" if index else "left")
     for row in rows:
-        table.add_row(*row)
-    Console().print(table)
+        table.add_row(*map(_cell, row))
+    plain_console().print(table)
+
+
+def _cell(*lines: object) -> Text:
+    """Return a cell of a table."""
+    return Text("\n".join(map(plain, lines)))
 
 
 def print_comparison(rows: Sequence[ComparedGait]) -> None:
@@ -80,7 +92,7 @@ def print_comparison(rows: Sequence[ComparedGait]) -> None:
         against = [apart, ratio, shown("", row.more_than_noise)] if index else [""] * 3
         texts.append([row.name, shown("period_s", row.period_s), speed, *against])
     print_table(head, texts)
-    print("± is half of the 90 % interval; differences and ratios are paired, scenario by scenario.")
+    say("± is half of the 90 % interval; differences and ratios are paired, scenario by scenario.")
 
 
 def _plus_minus(value: float | None, ends: Sequence[float] | None, scale: float, form: str = ".2f") -> str:
@@ -92,8 +104,8 @@ def _plus_minus(value: float | None, ends: Sequence[float] | None, scale: float,
 def print_effects(rows: Sequence[EffectRow]) -> None:
     """Print the library of effects, one after another: their figures do not fit side by side."""
     for row in rows:
-        print(f"{row.name}: {row.meaning}")
-        print(f"    {_effect_figures(row)}")
+        say(f"{row.name}: {row.meaning}")
+        say(f"    {_effect_figures(row)}")
 
 
 def _effect_figures(row: EffectRow) -> str:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
+from gaitopt.cli.display import plain_console
+from gaitopt.cli.lines import say_aside
 from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.core.text import plain
 from gaitopt.optimise.recorder import OnSearchProgress, SearchProgress
 
 _PLAIN_EVERY_S = 10.0
@@ -20,22 +21,22 @@ _PLAIN_EVERY_S = 10.0
 
 def show_checks(step: Progress) -> None:
     """Say which check begins."""
-    print(f"checking {step.stage} …", file=sys.stderr)
+    say_aside(f"checking {step.stage} …")
 
 
 @contextmanager
 def search_display(quiet: bool) -> Iterator[OnSearchProgress]:
     """Yield what a search calls as it goes on."""
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     if quiet:
         yield silent
     elif console.is_terminal:
         columns = (
-            TextColumn("{task.fields[method]}"),
+            _words("{task.fields[method]}"),
             BarColumn(),
             MofNCompleteColumn(),
-            TextColumn("best {task.fields[best]}"),
-            TextColumn("{task.fields[simulated]:.0f} s simulated"),
+            _words("best {task.fields[best]}"),
+            _words("{task.fields[simulated]:.0f} s simulated"),
             TimeRemainingColumn(),
         )
         with Bar(*columns, console=console) as bar:
@@ -47,17 +48,17 @@ def search_display(quiet: bool) -> Iterator[OnSearchProgress]:
                     task,
                     completed=progress.done,
                     total=progress.total,
-                    method="verification" if done else progress.stage,
+                    method="verification" if done else plain(progress.stage),
                     best=_best(progress),
                     simulated=progress.simulated_s,
                 )
 
             yield show
     else:
-        yield _plain_lines(console)
+        yield _plain_lines()
 
 
-def _plain_lines(console: Console) -> OnSearchProgress:
+def _plain_lines() -> OnSearchProgress:
     began = time.monotonic()
     last, resumed = began - _PLAIN_EVERY_S, -1
 
@@ -67,10 +68,9 @@ def _plain_lines(console: Console) -> OnSearchProgress:
         resumed = progress.done if resumed < 0 else resumed
         if now - last >= _PLAIN_EVERY_S or progress.done >= progress.total:
             last = now
-            console.print(
+            say_aside(
                 f"{progress.done}/{progress.total} gaits, {progress.stage}, best {_best(progress)}, "
-                f"{progress.simulated_s:.0f} s simulated{_time_left(progress, resumed, now - began)}",
-                highlight=False,
+                f"{progress.simulated_s:.0f} s simulated{_time_left(progress, resumed, now - began)}"
             )
 
     return show
@@ -88,23 +88,30 @@ def _best(progress: SearchProgress) -> str:
     return f"{1e3 * progress.best.evaluation.metrics['speed_m_s']:.1f} mm/s"
 
 
+def _words(text: str) -> TextColumn:
+    """Return a column of words, in which no markup is read."""
+    return TextColumn(text, markup=False)
+
+
 @contextmanager
 def steps_display(quiet: bool) -> Iterator[OnProgress]:
     """Yield what a diagnosis calls as it goes on: it counts the robots that have been simulated."""
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     if quiet:
         yield silent
     elif console.is_terminal:
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("robots"))
+        columns = (_words("{task.description}"), BarColumn(), MofNCompleteColumn(), _words("robots"))
         with Bar(*columns, TimeElapsedColumn(), console=console) as bar:
             task = bar.add_task("", total=None)
-            yield lambda step: bar.update(task, description=step.stage, completed=step.done, total=step.total)
+            yield lambda step: bar.update(
+                task, description=plain(step.stage), completed=step.done, total=step.total
+            )
     else:
         said: set[str] = set()
 
         def show(step: Progress) -> None:
             if step.stage not in said:
                 said.add(step.stage)
-                console.print(f"{step.stage} …", highlight=False)
+                say_aside(f"{step.stage} …")
 
         yield show

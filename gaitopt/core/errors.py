@@ -6,6 +6,8 @@ import difflib
 import reprlib
 from collections.abc import Iterable
 
+from gaitopt.core.text import plain
+
 
 class _Short(reprlib.Repr):
     """Values as a message quotes them. Python refuses to print integers of more than 4300 digits."""
@@ -26,8 +28,7 @@ class GaitoptError(Exception):
     """
 
     def __init__(self, message: str):
-        text = " ".join(str(message).split())
-        super().__init__("".join(c if c.isprintable() else ascii(c)[1:-1] for c in text))
+        super().__init__(plain(" ".join(str(message).split())))
 
 
 def found(value: object) -> str:

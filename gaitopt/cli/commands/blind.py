@@ -6,6 +6,7 @@ from pathlib import Path
 
 from gaitopt.blind.kinds import KINDS
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import add_executor, add_json, add_problem, problem_of, words_of
 
 _EXAMPLE = "gaitopt blind make arcfold --cases 10 --seed 1 --out cases"
@@ -45,9 +46,9 @@ def make(options: Options) -> None:
         executor=options.executor,
         workers=options.workers,
     )
-    print(f"{len(made.kinds)} cases: {made.folder}; their truth: {made.sealed}")
+    say(f"{len(made.kinds)} cases: {made.folder}; their truth: {made.sealed}")
     if made.faint:
-        print(f"gap too small within their bounds, for some target or side: {', '.join(made.faint)}")
+        say(f"gap too small within their bounds, for some target or side: {', '.join(made.faint)}")
 
 
 def add_score_options(parser: Parser) -> None:
@@ -64,7 +65,6 @@ def score(options: Options) -> None:
     """Score diagnoses, and print the figures in words."""
     from gaitopt.blind.scoring import sentences
     from gaitopt.cli.progress import steps_display
-    from gaitopt.core.json import to_json
     from gaitopt.jobs.blind import blind_score
 
     with steps_display(options.json) as on_progress:
@@ -76,10 +76,10 @@ def score(options: Options) -> None:
             on_progress=on_progress,
         )
     if options.json:
-        print(to_json(record.to_dict()), end="")
+        print_json(record.to_dict())
         return
     for sentence in sentences(record):
-        print(sentence)
+        say(sentence)
 
 
 COMMAND = Command(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import add_executor, add_json, add_problem, add_report_folder, problem_of
 
 
@@ -18,7 +19,6 @@ def run(options: Options) -> None:
     """Check, and print a line for each finding."""
     from gaitopt.cli.display import print_report
     from gaitopt.cli.progress import show_checks
-    from gaitopt.core.json import to_json
     from gaitopt.core.progress import silent
     from gaitopt.jobs.check import check
 
@@ -31,13 +31,13 @@ def run(options: Options) -> None:
         on_progress=silent if options.json else show_checks,
     )
     if options.json:
-        print(to_json({"findings": [finding.to_dict() for finding in findings]}), end="")
+        print_json({"findings": [finding.to_dict() for finding in findings]})
         return
     if not findings:
-        print(f"{problem.name}: nothing found")
+        say(f"{problem.name}: nothing found")
     for finding in findings:
         where = f" at {finding.gait}" if finding.gait else ""
-        print(f"{finding.name}{where}: {finding.message}")
+        say(f"{finding.name}{where}: {finding.message}")
     print_report(options.out)
 
 

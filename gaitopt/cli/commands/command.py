@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import say
 from gaitopt.cli.options import add_gait, add_problem, problem_of
 
 
@@ -23,7 +24,7 @@ def run(options: Options) -> None:
     from gaitopt.jobs.command import command
 
     command(problem_of(options), options.gait, dt=options.dt, duration=options.duration, out=options.out)
-    print(options.out)
+    say(options.out)
 
 
 COMMAND = Command(

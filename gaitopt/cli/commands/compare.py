@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import (
     add_executor,
     add_json,
@@ -27,7 +28,6 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Compare, and print a row and a sentence for each gait."""
     from gaitopt.cli.display import print_comparison, print_report
-    from gaitopt.core.json import to_json
     from gaitopt.jobs.compare import compare
     from gaitopt.report.words import verdicts
 
@@ -40,11 +40,11 @@ def run(options: Options) -> None:
         out=options.out,
     )
     if options.json:
-        print(to_json({"rows": [row.to_dict() for row in rows]}), end="")
+        print_json({"rows": [row.to_dict() for row in rows]})
         return
     print_comparison(rows)
     for sentence in verdicts(rows):
-        print(sentence)
+        say(sentence)
     print_report(options.out)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.commands.optimise import print_run, print_stopped
+from gaitopt.cli.lines import say
 from gaitopt.cli.options import add_quiet, add_run_folder
 
 
@@ -34,7 +35,7 @@ def run(options: Options) -> None:
         print_stopped(stop)
         raise
     print_run(done, as_json=False)
-    print("This was a brief search over few scenarios. For the real thing, type: gaitopt optimise arcfold")
+    say("This was a brief search over few scenarios. For the real thing, type: gaitopt optimise arcfold")
 
 
 COMMAND = Command(

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import print_json, say, say_aside
 from gaitopt.cli.options import (
     add_executor,
     add_json,
@@ -67,14 +67,13 @@ def run(options: Options) -> None:
 
 def _print_run(done: DiagnosisRun, as_json: bool) -> None:
     from gaitopt.cli.display import print_report
-    from gaitopt.core.json import to_json
 
     if as_json:
-        print(to_json(done.content), end="")
+        print_json(done.content)
         return
-    print(done.answer)
+    say(done.answer)
     for sentence in done.explanation:
-        print(f"- {sentence}")
+        say(f"- {sentence}")
     print_report(done.folder)
 
 
@@ -88,7 +87,7 @@ def _print_stopped(stop: Stopped, options: Options) -> None:
     for name, value in options.parameters:
         words += ["--set", f"{name}={value!r}"]
     line = " ".join(shlex.quote(str(word)) for word in words)
-    print(f"gaitopt: stopped after {stop.done}; go on with: {line}", file=sys.stderr)
+    say_aside(f"gaitopt: stopped after {stop.done}; go on with: {line}")
 
 
 COMMAND = Command(

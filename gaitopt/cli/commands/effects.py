@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import print_json
 from gaitopt.cli.options import add_json, add_problem, problem_of
 from gaitopt.core.errors import GaitoptError
 
@@ -16,13 +17,12 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Print the effects, and which of them apply to a problem."""
     from gaitopt.cli.display import print_effects
-    from gaitopt.core.json import to_json
     from gaitopt.jobs.effects import list_effects
 
     if options.problem is None and options.parameters:
         raise GaitoptError("--set: found no PROBLEM to set a parameter of")
     rows = list_effects(None if options.problem is None else problem_of(options))
-    print(to_json({"rows": [row.to_dict() for row in rows]}), end="") if options.json else print_effects(rows)
+    print_json({"rows": [row.to_dict() for row in rows]}) if options.json else print_effects(rows)
 
 
 COMMAND = Command(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import add_executor, add_gait, add_json, add_problem, problem_of
 
 if TYPE_CHECKING:
@@ -36,7 +37,6 @@ def add_options(parser: Parser) -> None:
 
 def run(options: Options) -> None:
     """Export, and print what the servos will make of the gait."""
-    from gaitopt.core.json import to_json
     from gaitopt.export.handover import Choices
     from gaitopt.jobs.export import export
 
@@ -48,27 +48,26 @@ def run(options: Options) -> None:
         executor=options.executor,
         workers=options.workers,
     )
-    print(to_json(exported.to_dict()), end="") if options.json else _print_exported(exported)
+    print_json(exported.to_dict()) if options.json else _print_exported(exported)
 
 
 def _print_exported(exported: Exported) -> None:
     for name, values in exported.from_datasheet.items():
         if values:
-            print(f"{name}: from the datasheet, not measured: {', '.join(values)}")
+            say(f"{name}: from the datasheet, not measured: {', '.join(values)}")
     for lag in exported.lags:
-        print(f"{lag.channel}: the servo falls up to {lag.angle_deg:.3g}° and {lag.time_s:.2g} s behind")
+        say(f"{lag.channel}: the servo falls up to {lag.angle_deg:.3g}° and {lag.time_s:.2g} s behind")
     replay = exported.replay
     ideal, replayed = 1e3 * replay.ideal_m_s, 1e3 * replay.replayed_m_s
-    print(f"simulated: {ideal:.2f} mm/s as a gait, {replayed:.2f} mm/s as the servos will get it", end="")
-    if replay.loss is None or replay.loss_ci90 is None:
-        print()
-    else:
+    loss = ""
+    if replay.loss is not None and replay.loss_ci90 is not None:
         low, high = replay.loss_ci90
-        print(f": a loss of {replay.loss:.1%} (90 % interval {low:.1%} to {high:.1%})")
+        loss = f": a loss of {replay.loss:.1%} (90 % interval {low:.1%} to {high:.1%})"
+    say(f"simulated: {ideal:.2f} mm/s as a gait, {replayed:.2f} mm/s as the servos will get it{loss}")
     for warning in exported.warnings:
-        print(f"warning: {warning}")
+        say(f"warning: {warning}")
     for file in exported.files:
-        print(file)
+        say(file)
 
 
 COMMAND = Command(

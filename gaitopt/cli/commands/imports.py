@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import add_json
 
 
@@ -32,7 +33,6 @@ def add_options(parser: Parser) -> None:
 
 def run(options: Options) -> None:
     """Import, and print what was read and what is wrong with it."""
-    from gaitopt.core.json import to_json
     from gaitopt.diagnose.record.export import ImportOptions
     from gaitopt.jobs.imports import import_recordings
 
@@ -47,13 +47,13 @@ def run(options: Options) -> None:
     )
     done = import_recordings(options.files, options.gait, options.out, unsaid)
     if options.json:
-        print(to_json(done.to_dict()), end="")
+        print_json(done.to_dict())
         return
     for path, motion in zip(done.files, done.recordings, strict=True):
-        print(f"{path}: {motion.program}, {len(motion.time)} samples of {', '.join(motion.signals)}")
+        say(f"{path}: {motion.program}, {len(motion.time)} samples of {', '.join(motion.signals)}")
     for defect in done.defects:
-        print(f"- {defect.trial}: {defect.name}: {defect.message}")
-    print(f"data set: {done.folder}")
+        say(f"- {defect.trial}: {defect.name}: {defect.message}")
+    say(f"data set: {done.folder}")
 
 
 COMMAND = Command(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import say
 from gaitopt.cli.options import add_problem, problem_of
 
 
@@ -19,7 +20,7 @@ def run(options: Options) -> None:
     from gaitopt.jobs.model import model
 
     model(problem_of(options), options.out)
-    print(options.out)
+    say(options.out)
 
 
 COMMAND = Command(

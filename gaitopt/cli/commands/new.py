@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import say
 
 
 def add_options(parser: Parser) -> None:
@@ -23,13 +24,13 @@ def run(options: Options) -> None:
     draft, folder = made.draft, made.folder
     roles = draft.roles
     channels = ", ".join(channel.name for channel in draft.channels)
-    print(f"channels: {channels}; marker: {roles.marker}; pads: {', '.join(roles.pads)}")
+    say(f"channels: {channels}; marker: {roles.marker}; pads: {', '.join(roles.pads)}")
     for remark in roles.remarks:
-        print(f"guessed: {remark}")
-    print(f"wrote {folder / 'problem.toml'}: correct what is guessed, then")
-    print(f"  gaitopt check {folder}")
-    print(f"  gaitopt simulate {folder} first-guess --video {options.name}.mp4")
-    print(f"  gaitopt optimise {folder}")
+        say(f"guessed: {remark}")
+    say(f"wrote {folder / 'problem.toml'}: correct what is guessed, then")
+    say(f"  gaitopt check {folder}")
+    say(f"  gaitopt simulate {folder} first-guess --video {options.name}.mp4")
+    say(f"  gaitopt optimise {folder}")
 
 
 COMMAND = Command(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import print_json, say, say_aside
 from gaitopt.cli.options import (
     add_executor,
     add_json,
@@ -76,24 +76,20 @@ def run(options: Options) -> None:
 def print_run(done: OptimiseRun, as_json: bool) -> None:
     """Print the result of a search."""
     from gaitopt.cli.display import print_report, print_summary
-    from gaitopt.core.json import to_json
     from gaitopt.report.words import answer_of
 
     if as_json:
-        print(to_json(done.summary.to_dict()), end="")
+        print_json(done.summary.to_dict())
     else:
         print_summary(done.summary)
-        print(answer_of(done.summary))
+        say(answer_of(done.summary))
         print_report(done.folder)
 
 
 def print_stopped(stop: Stopped) -> None:
     """Say how to go on with a search that Ctrl-C ended."""
     path = shlex.quote(str(stop.folder))
-    print(
-        f"gaitopt: stopped after {stop.done}; go on with: gaitopt optimise {path} --resume {path}",
-        file=sys.stderr,
-    )
+    say_aside(f"gaitopt: stopped after {stop.done}; go on with: gaitopt optimise {path} --resume {path}")
 
 
 COMMAND = Command(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import add_json, add_problem, add_seed, problem_of
 
 
@@ -16,24 +17,23 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Plan, and print the planned gaits beside the baselines."""
     from gaitopt.cli.display import print_rows
-    from gaitopt.core.json import to_json
     from gaitopt.jobs.plan import plan
     from gaitopt.plan.plan import MISSES
 
     problem = problem_of(options)
     found = plan(problem, seed=options.seed)
     if options.json:
-        print(to_json(found.to_dict()), end="")
+        print_json(found.to_dict())
         return
     for line in found.dropped:
-        print(f"dropped: {line}")
+        say(f"dropped: {line}")
     planned = [(e.gait.name, e.gait.period_s, e.predicted_speed_m_s) for e in found.elites]
     known = [(name, problem.baselines[name].period_s, speed) for name, speed in found.baselines.items()]
     keys = ("name", "period_s", "predicted_speed_m_s")
     print_rows([dict(zip(keys, row, strict=True)) for row in [*planned, *known]])
     for name, creep in found.creep.items():
-        print(f"{name}: smoothed friction changes the predicted speed by {1e3 * creep:+.2f} mm/s")
-    print(MISSES)
+        say(f"{name}: smoothed friction changes the predicted speed by {1e3 * creep:+.2f} mm/s")
+    say(MISSES)
 
 
 COMMAND = Command(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import print_json
 from gaitopt.cli.options import add_gait, add_json, add_problem, problem_of
 from gaitopt.core.errors import GaitoptError
 
@@ -29,7 +30,6 @@ def run(options: Options) -> None:
         if getattr(options, name) is not None and options.video is None:
             raise GaitoptError(f"--{name}: found no --video to go with it")
     from gaitopt.cli.display import print_rows
-    from gaitopt.core.json import to_json
     from gaitopt.jobs.film import FilmOptions
     from gaitopt.jobs.simulate import simulate, view_rollout
 
@@ -43,7 +43,7 @@ def run(options: Options) -> None:
         view=options.view,
     )
     rows = [rollout.to_dict()]
-    print(to_json({"rows": rows}), end="") if options.json else print_rows(rows)
+    print_json({"rows": rows}) if options.json else print_rows(rows)
     if options.view:
         view_rollout(rollout)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import add_executor, add_json, add_problem, add_run_folder, problem_of
 
 
@@ -20,7 +21,6 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Sweep, and print a row for each value."""
     from gaitopt.cli.display import print_rows
-    from gaitopt.core.json import to_json
     from gaitopt.jobs.outputs import NUMBERED
     from gaitopt.jobs.sweep import sweep
 
@@ -34,10 +34,10 @@ def run(options: Options) -> None:
     )
     rows = [row.to_dict() for row in swept.rows]
     if options.json:
-        print(to_json({"rows": rows}), end="")
+        print_json({"rows": rows})
     else:
         print_rows(rows)
-        print(f"plots: {swept.folder}")
+        say(f"plots: {swept.folder}")
 
 
 COMMAND = Command(

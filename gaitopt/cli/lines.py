@@ -1,0 +1,23 @@
+"""Lines that a person reads. Commands print with these alone, so that names from files are only names."""
+
+from __future__ import annotations
+
+import sys
+
+from gaitopt.core.json import to_json
+from gaitopt.core.text import plain
+
+
+def say(line: object) -> None:
+    """Print a line; what a terminal would obey in it, such as an escape sequence, is escaped."""
+    print(plain(line))
+
+
+def say_aside(line: object) -> None:
+    """Print a line on standard error, as `say` does: what is no result."""
+    print(plain(line), file=sys.stderr)
+
+
+def print_json(content: object) -> None:
+    """Print JSON. It is ASCII: every other character in it is escaped."""
+    print(to_json(content), end="")
