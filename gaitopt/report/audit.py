@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from gaitopt.core.files import write_text
@@ -12,7 +13,7 @@ from gaitopt.core.quantities import figure
 from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import audit as audit_figures
 from gaitopt.report.figures import gait as gait_figures
-from gaitopt.report.page import Page, Picture, Section, Table, save_figures
+from gaitopt.report.page import Page, Picture, Section, Table, after_results, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.words import fidelity_text, names_of
 from gaitopt.runs.folder import new_folder, write_into
@@ -30,8 +31,17 @@ def write_audit(path: Path | None, problem: Problem, findings: Sequence[Finding]
         findings: what `gaitopt.simulation.check.check` found.
     """
     folder = new_folder(path, f"{problem.name}-check")
+    content = to_json({"findings": [finding.to_dict() for finding in findings]})
+    write_into(folder, "check.json", lambda file: write_text(file, content))
+    with after_results(folder, "check.json"):
+        html = _page(folder, problem, findings).html()
+        write_into(folder, "report.html", lambda file: write_text(file, html))
+    return folder
+
+
+def _page(folder: Path, problem: Problem, findings: Sequence[Finding]) -> Page:
     working = problem.simulation.working
-    page = Page(
+    return Page(
         title=f"{problem.name}: audit of the model",
         answer=_answer(findings, problem),
         asked={
@@ -46,10 +56,6 @@ def write_audit(path: Path | None, problem: Problem, findings: Sequence[Finding]
             *([Section("Every finding", table=_finding_table(findings))] if findings else []),
         ],
     )
-    content = to_json({"findings": [finding.to_dict() for finding in findings]})
-    write_into(folder, "report.html", lambda file: write_text(file, page.html()))
-    write_into(folder, "check.json", lambda file: write_text(file, content))
-    return folder
 
 
 def _answer(findings: Sequence[Finding], problem: Problem) -> str:
@@ -72,19 +78,19 @@ def _pictures(problem: Problem, findings: Sequence[Finding]) -> dict[str, Pictur
     if any(finding.limit > 0.0 for finding in findings):
         pictures["findings"] = Picture(
             "How far beyond the limits",
-            audit_figures.findings(findings),
+            partial(audit_figures.findings, findings),
             "How many times each finding with a limit exceeds it: the longer the bar, the worse. For shares "
             "that should be larger, such as the travel that a servo reaches, it is the limit over the value.",
         )
     if able:
         pictures["position"] = Picture(
             "Position over time",
-            gait_figures.overlay(able, problem.roles),
+            partial(gait_figures.overlay, able, problem.roles),
             "Forward position of the marker: a robot that crawls moves forward in equal steps.",
         )
         pictures["height"] = Picture(
             "Height over time",
-            gait_figures.panels(able, problem.roles, axis=2),
+            partial(gait_figures.panels, able, problem.roles, axis=2),
             "Height of the marker above its start: jumps of many millimetres are flights, not steps.",
         )
     return pictures

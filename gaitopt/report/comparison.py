@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from gaitopt.core.files import write_text
@@ -13,7 +14,7 @@ from gaitopt.optimise.compare import ComparedGait
 from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import comparison as comparison_figures
 from gaitopt.report.figures import gait as gait_figures
-from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
+from gaitopt.report.page import Page, Picture, Section, Table, after_results, folded, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.tables import metric_table
 from gaitopt.report.words import constraints_text, fidelity_text, interval_text, scenario_rule, verdicts
@@ -34,8 +35,19 @@ def write_comparison(
         seed: seed of the scenarios.
     """
     folder = new_folder(path, f"{problem.name}-compare")
+    content = to_json({"rows": [row.to_dict() for row in rows]})
+    write_into(folder, "compare.json", lambda file: write_text(file, content))
+    with after_results(folder, "compare.json"):
+        html = _page(folder, problem, gaits, rows, seed).html()
+        write_into(folder, "report.html", lambda file: write_text(file, html))
+    return folder
+
+
+def _page(
+    folder: Path, problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait], seed: int
+) -> Page:
     names, working = [row.name for row in rows], problem.simulation.working
-    page = Page(
+    return Page(
         title=f"{problem.name}: gaits compared",
         answer=" ".join(verdicts(rows)) or f"{names[0]} alone: nothing to compare with.",
         asked={
@@ -51,10 +63,6 @@ def write_comparison(
             folded(Section("All metrics", table=metric_table(rows))),
         ],
     )
-    content = to_json({"rows": [row.to_dict() for row in rows]})
-    write_into(folder, "report.html", lambda file: write_text(file, page.html()))
-    write_into(folder, "compare.json", lambda file: write_text(file, content))
-    return folder
 
 
 def _pictures(problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait]) -> dict[str, Picture]:
@@ -63,7 +71,7 @@ def _pictures(problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGa
     pictures = {
         "speeds": Picture(
             "Speed",
-            comparison_figures.speeds(rows),
+            partial(comparison_figures.speeds, rows),
             "Mean forward speed of each gait over the same scenarios. As the scenarios are the same, the "
             "paired differences are more precise than these intervals.",
         )
@@ -71,13 +79,13 @@ def _pictures(problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGa
     if len(rows) > 1:
         pictures["differences"] = Picture(
             "Paired differences",
-            comparison_figures.differences(rows),
+            partial(comparison_figures.differences, rows),
             f"How much faster each gait is than {names[0]}: in each scenario (dots), and the mean with its "
             "90 % interval (black). If the interval crosses 0, the difference is no more than noise.",
         )
     pictures["position"] = Picture(
         "Position over time",
-        gait_figures.overlay(trajectories, problem.roles),
+        partial(gait_figures.overlay, trajectories, problem.roles),
         "Forward position of the marker on the nominal robot: the steeper the line, the faster the gait.",
     )
     return pictures

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from gaitopt.core.files import write_text
@@ -117,14 +118,14 @@ def _cause_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
     pictures = {
         "ranking": Picture(
             "Ranking of the effects",
-            diagnosis_plots.ranking(found),
+            partial(diagnosis_plots.ranking, found),
             "The error that each fitted effect leaves on trials that its fit did not see. Shorter is better; "
             "a right model leaves 1. Error bars: 90 % interval of the difference from the first effect. If "
             "the bar of another effect is as short, these trials cannot separate the two.",
         ),
         "profile": Picture(
             "Profile of the winner's parameter",
-            diagnosis_plots.profile(found),
+            partial(diagnosis_plots.profile, found),
             "The error for each value of the winner's parameter, with all else fitted. In a sharp valley the "
             "data determine the parameter well; in a flat one they hardly do. Shaded: its 90 % interval.",
         ),
@@ -132,7 +133,7 @@ def _cause_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
     if len(found.trial_set.sample_trials):
         pictures["corrected"] = Picture(
             "The gap before and after",
-            diagnosis_plots.held_out(diagnosis, found),
+            partial(diagnosis_plots.held_out, diagnosis, found),
             "RMS error of the marker in each trial, on data that the fit did not see: for the nominal robot, "
             "and with the most probable effect. The floor is the error that noise, start pose and timestep "
             "leave even for a right model.",
@@ -154,7 +155,7 @@ def _trial_pictures(diagnosis: Diagnosis, correction: Correction | None) -> dict
         )
         pictures[name] = Picture(
             f"Trial {trial.name}",
-            diagnosis_plots.measured_and_simulated(trial, beside),
+            partial(diagnosis_plots.measured_and_simulated, trial, beside),
             said if index == 0 else f"The same of trial {trial.name}.",
         )
     return pictures
@@ -164,13 +165,13 @@ def _gap_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
     return {
         "components": Picture(
             "What the gap is made of",
-            diagnosis_plots.components(diagnosis),
+            partial(diagnosis_plots.components, diagnosis),
             "The gap of each signal and trial in multiples of its floor, and its components. A bar that ends "
             "left of the dashed line is no gap.",
         ),
         "map": Picture(
             "Where in the cycle",
-            diagnosis_plots.gap_map(diagnosis),
+            partial(diagnosis_plots.gap_map, diagnosis),
             "The gap at each moment of the cycle, without drift, in multiples of the floor. Bright cells are "
             "the moments to look at, in that signal of that trial.",
         ),
@@ -212,7 +213,7 @@ def _next_sections(folder: Path, diagnosis: Diagnosis) -> list[Section]:
         return []
     picture = Picture(
         "What to measure next",
-        gait_plots.commanded(experiment.gait),
+        partial(gait_plots.commanded, experiment.gait),
         f"One cycle of the gait that separates the effects best. {what_it_tells(experiment)} Film it, add "
         "the trial to the data set, and diagnose again.",
     )

@@ -5,7 +5,8 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -15,6 +16,8 @@ from markupsafe import Markup, escape
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.text import one_line, plain
 from gaitopt.report import settings as defaults
 from gaitopt.runs.folder import write_into
 
@@ -70,10 +73,10 @@ class Section:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure before it is saved: its title, what draws it, and what to see in it."""
+    """A figure before it is drawn: its title, what draws it, and what to see in it."""
 
     title: str
-    figure: Figure
+    draw: Callable[[], Figure]
     caption: str
 
 
@@ -104,10 +107,13 @@ class Page:
             trim_blocks=True,
             lstrip_blocks=True,
             loader=jinja2.PackageLoader("gaitopt.report"),
+            finalize=_shown,
         )
         environment.filters["typeset"] = typeset
         made_by = f"gaitopt {version('gaitopt')} and MuJoCo {version('mujoco')}"
-        return environment.get_template("page.html").render(page=self, made_by=made_by)
+        return environment.get_template("page.html").render(
+            page=self, anchors=_anchors(self.sections), made_by=made_by
+        )
 
 
 def typeset(text: str) -> Markup:
@@ -120,11 +126,60 @@ def typeset(text: str) -> Markup:
     return Markup(re.sub(r"\b[a-z]+-\d[\w.]*\w", r'<span class="whole">\g<0></span>', html))
 
 
+def _anchors(sections: Sequence[Section]) -> list[str]:
+    """Return the anchor of each section, a different one for each, though titles hold names of any kind."""
+    anchors: list[str] = []
+    for section in sections:
+        anchor = section.anchor
+        while not anchor or anchor in anchors:
+            anchor += "-"
+        anchors.append(anchor)
+    return anchors
+
+
+@contextmanager
+def after_results(folder: Path, results: str, again: str = "") -> Iterator[None]:
+    """Write a page, after the results that it shows: where it fails, say that they are safe.
+
+    Args:
+        folder: where the results and the page are.
+        results: the files of the results.
+        again: how to write the page again, where that needs no new results.
+
+    Raises:
+        GaitoptError: the page could not be written.
+    """
+    try:
+        yield
+    except Exception as error:
+        raise GaitoptError(
+            f"{folder}: the results are safe in {results}, but their page could not be written: "
+            f"{one_line(error)}" + (f"; to write it, type: {again}" if again else "")
+        ) from error
+
+
+def _shown(value: object) -> object:
+    """Return what a page shows of a value: a text is plain, however it came to the page."""
+    if isinstance(value, Markup):
+        return Markup(plain(value))
+    return plain(value) if isinstance(value, str) else value
+
+
 def save_figures(folder: Path, pictures: Mapping[str, Picture]) -> list[Section]:
-    """Write figures into ``figures/`` by name, and return a section of each."""
+    """Write figures into ``figures/`` by name, and return a section of each.
+
+    The section of a figure that cannot be drawn says so: the rest of the page does not depend on it.
+
+    Raises:
+        GaitoptError: a figure cannot be written.
+    """
     sections = []
     for name, picture in pictures.items():
-        data = png(picture.figure)
+        try:
+            data = png(picture.draw())
+        except Exception as error:
+            sections.append(Section(picture.title, sentences=[f"Not drawn: {one_line(error)}."]))
+            continue
         write_into(folder, f"figures/{name}.png", writer(data))
         sections.append(image_section(picture.title, data, "png", picture.caption))
     return sections

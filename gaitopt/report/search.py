@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
+from shlex import quote
 
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
@@ -18,7 +20,7 @@ from gaitopt.report.figures import comparison as comparison_figures
 from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.figures import search as search_figures
 from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
-from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
+from gaitopt.report.page import Page, Picture, Section, Table, after_results, folded, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.tables import gait_table, metric_table
 from gaitopt.report.words import (
@@ -47,7 +49,7 @@ def write_report(
     full: bool = False,
     sensitive: Sequence[Sensitivity] = (),
 ) -> None:
-    """Write ``report.html`` and ``figures/`` of a run of `optimise`.
+    """Write ``report.html`` and ``figures/`` of a run of `optimise`, after its results.
 
     Args:
         folder: the run.
@@ -55,7 +57,18 @@ def write_report(
         optimised: what was found.
         full: add what takes longer: a film of the winner.
         sensitive: the sensitivities of its speed, where they were asked for.
+
+    Raises:
+        GaitoptError: the page could not be written.
     """
+    again = f"gaitopt optimise {quote(str(folder.path))} --resume {quote(str(folder.path))}"
+    with after_results(folder.path, "best.toml and summary.json", again):
+        _write_page(folder, problem, optimised, full, sensitive)
+
+
+def _write_page(
+    folder: RunFolder, problem: Problem, optimised: Optimised, full: bool, sensitive: Sequence[Sensitivity]
+) -> None:
     simulator, summary = Simulator.build(problem), Summary.of(problem, optimised)
     film = _film(folder.path, simulator, optimised, summary) if full else FilmPart()
     pictures = _pictures(simulator, optimised, summary) | _sensitivity_pictures(sensitive)
@@ -86,23 +99,26 @@ def write_report(
 def _pictures(simulator: Simulator, optimised: Optimised, summary: Summary) -> dict[str, Picture]:
     """Return the figures that every report has, and the front where it was asked for."""
     problem, best = simulator.problem, optimised.best.gait
-    trajectories = rollouts(simulator, {_BEST: best, **problem.baselines})
+    hand_tuned = {
+        f"{name}, hand-tuned" if name == _BEST else name: gait for name, gait in problem.baselines.items()
+    }
+    trajectories = rollouts(simulator, {_BEST: best} | hand_tuned)
     pictures = {
         "speeds": Picture(
             "Speed",
-            comparison_figures.speeds([summary.best, *summary.baselines], best=_BEST),
+            partial(comparison_figures.speeds, [summary.best, *summary.baselines], best=_BEST),
             "Forward speed of the optimised gait (orange) and of each hand-tuned gait, in scenarios that "
             "the search did not use. If two intervals do not overlap, the speeds differ by more than noise.",
         ),
         "position": Picture(
             "Position over time",
-            gait_figures.overlay(trajectories, problem.roles, best=_BEST),
+            partial(gait_figures.overlay, trajectories, problem.roles, best=_BEST),
             "Forward position of the marker for each gait, on the nominal robot. The steeper the line, the "
             "faster the gait. Where a line goes back, a pad slips or the body folds.",
         ),
         "periods": Picture(
             "Each gait by itself",
-            gait_figures.panels(trajectories, problem.roles, best=_BEST),
+            partial(gait_figures.panels, trajectories, problem.roles, best=_BEST),
             "The same with a panel for each gait, each with its own scale. A rise is a stride; a fall is "
             "slip, or the body folds. Equal steps mean that the gait repeats itself.",
         ),
@@ -111,7 +127,7 @@ def _pictures(simulator: Simulator, optimised: Optimised, summary: Summary) -> d
         pictures |= _servo_pictures(simulator, optimised, trajectories[_BEST])
     pictures["convergence"] = Picture(
         "Convergence of the search",
-        search_figures.convergence(optimised.entries, optimised.baselines),
+        partial(search_figures.convergence, optimised.entries, optimised.baselines),
         "Speed of every gait that was evaluated, by method. Stars are planned gaits, where the search "
         "started from some. Crosses and hollow stars violate a constraint. The best so far counts violations "
         "too, so it may change to a slower gait that has none. Horizontal lines are the hand-tuned gaits.",
@@ -119,7 +135,7 @@ def _pictures(simulator: Simulator, optimised: Optimised, summary: Summary) -> d
     if optimised.request.pareto:
         pictures["pareto"] = Picture(
             "Speed against cost of transport",
-            search_figures.front(optimised.entries, optimised.front, optimised.baselines),
+            partial(search_figures.front, optimised.entries, optimised.front, optimised.baselines),
             "Speed against cost of transport (energy per weight and distance). No other gait beats a gait on "
             "the front in both. pareto.csv has the numbers, and pareto/ has a gait file for each.",
         )
@@ -132,13 +148,13 @@ def _servo_pictures(simulator: Simulator, optimised: Optimised, trajectory: Traj
     return {
         "gait": Picture(
             "Gait diagram",
-            gait_figures.gait_diagram(problem, gait, trajectory, robot),
+            partial(gait_figures.gait_diagram, problem, gait, trajectory, robot),
             "One cycle of the optimised gait. Grey: a pad holds. Orange: a loaded pad slips back, which "
             "costs travel. The bars at the bottom show which pad it is.",
         ),
         "angles": Picture(
             "Commanded and reached angles",
-            gait_figures.angles(problem, gait, trajectory, robot),
+            partial(gait_figures.angles, problem, gait, trajectory, robot),
             "Commanded and reached angles of each servo, with its range. Shaded: its torque is at the limit. "
             "Where the reached angle falls behind there, the servo is too weak for the gait, or the gait is "
             "too fast for the servo.",
@@ -153,16 +169,20 @@ def _sensitivity_pictures(sensitive: Sequence[Sensitivity]) -> dict[str, Picture
     if gait:
         pictures["sensitivity"] = Picture(
             "Sensitivity to the gait",
-            search_figures.sensitivity(
-                gait, step := f"{100 * SensitivitySettings.gait_step:.0f} % of its range"
+            partial(
+                search_figures.sensitivity,
+                gait,
+                step := f"{100 * SensitivitySettings.gait_step:.0f} % of its range",
             ),
             _sensitivity_caption("its numbers", step, "what to set with care on the robot"),
         )
     if model:
         pictures["sensitivity-model"] = Picture(
             "Sensitivity to the model",
-            search_figures.sensitivity(
-                model, step := f"{100 * SensitivitySettings.model_step:.0f} % of its value"
+            partial(
+                search_figures.sensitivity,
+                model,
+                step := f"{100 * SensitivitySettings.model_step:.0f} % of its value",
             ),
             _sensitivity_caption("the model's parameters", step, "what is worth measuring well"),
         )

@@ -10,7 +10,7 @@ from gaitopt.core.json import to_json
 from gaitopt.optimise.sweep import SweepPoint, SweptPoint
 from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import gait as gait_figures
-from gaitopt.report.page import png, writer
+from gaitopt.report.page import after_results, png, writer
 from gaitopt.runs.folder import new_folder
 from gaitopt.simulation.rollout import Simulator
 
@@ -20,7 +20,7 @@ def write_sweep(
 ) -> Path:
     """Write the overlaid plot, the separate plots and the rows of a sweep, and return their folder.
 
-    The plots show the marker's path; a problem without a marker has none.
+    The plots show the marker's path; a problem without a marker has none. The rows are written first.
 
     Args:
         path: a new or empty folder; by default a new one.
@@ -29,8 +29,14 @@ def write_sweep(
         rows: what the sweep found at each value.
     """
     folder = new_folder(path, f"{problem.name}-sweep")
-    if problem.roles.marker is None:
-        return folder
+    write_text(folder / "sweep.json", to_json({"rows": [row.to_dict() for row in rows]}))
+    if problem.roles.marker is not None:
+        with after_results(folder, "sweep.json"):
+            _write_plots(folder, problem, points)
+    return folder
+
+
+def _write_plots(folder: Path, problem: Problem, points: Sequence[SweepPoint]) -> None:
     simulators = [Simulator.build(point.problem) for point in points]
     gaits = [point.gait for point in points]
     duration = max(s.duration(gait) for s, gait in zip(simulators, gaits, strict=True))
@@ -44,5 +50,3 @@ def write_sweep(
     }
     for name, drawn in figures.items():
         write_with(folder / f"{name}.png", writer(png(drawn)))
-    write_text(folder / "sweep.json", to_json({"rows": [row.to_dict() for row in rows]}))
-    return folder

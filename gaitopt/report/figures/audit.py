@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from gaitopt.report.figures.style import COLOURS, finish, plain_ticks, single_panel
+from gaitopt.report.figures.style import COLOURS, finish, name_rows, plain_ticks, single_panel
 from gaitopt.simulation.audit.finding import Finding
 from gaitopt.simulation.labels import title_of
 
@@ -22,7 +22,7 @@ def findings(found: Sequence[Finding]) -> Figure:
     axes.barh(places, ratios, color=COLOURS[0], height=0.6)
     axes.axvline(1.0, color="k", linestyle="--", linewidth=1.2, label="limit")
     labels = [title_of(one.name) + (f": {one.gait}" if one.gait else "") for one in shown]
-    axes.set_yticks(places, labels, fontsize=8)
+    name_rows(axes, places.tolist(), labels, 8.0)
     if len(shown) and ratios.max() > 20.0:
         axes.set_xscale("log")
         plain_ticks(axes.xaxis)

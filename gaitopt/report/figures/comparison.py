@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gaitopt.optimise.compare import ComparedGait
-from gaitopt.report.figures.style import BEST_COLOUR, COLOURS, finish, legend_below, single_panel
+from gaitopt.report.figures.style import BEST_COLOUR, COLOURS, finish, legend_below, name_rows, single_panel
+from gaitopt.report.letters import LONGEST_IN_LEGEND, drawable
 from gaitopt.runs.summary import GaitRow
 
 
@@ -32,7 +33,7 @@ def speeds(rows: Sequence[GaitRow | ComparedGait], best: str | None = None) -> F
     worst = np.array([1e3 * row.speed_worst_m_s for row in rows])
     axes.plot(worst, places, "kx", markersize=6, label="worst scenario")
     _write_beside(axes, np.nanmax([ends[:, 1], worst, np.zeros(len(rows))], axis=0), places, mean)
-    axes.set_yticks(places, [row.name for row in rows])
+    name_rows(axes, places.tolist(), [row.name for row in rows])
     axes.axvline(0.0, color="k", linewidth=0.8)
     finish(axes, "forward speed [mm/s]", "", legend=False)
     legend_below(figure, axes, 2)
@@ -56,10 +57,11 @@ def differences(rows: Sequence[ComparedGait]) -> Figure:
         mean, places, xerr=np.abs(ends - mean[:, None]).T, fmt="kD", markersize=5, capsize=5,
         label="mean, 90 % interval",
     )  # fmt: skip
-    axes.set_yticks(places, [row.name for row in others])
+    name_rows(axes, places.tolist(), [row.name for row in others])
     axes.set_ylim(-0.6, len(others) - 0.4)
     axes.axvline(0.0, color="k", linewidth=0.8, linestyle="--")
-    finish(axes, f"forward speed minus that of {rows[0].name} [mm/s]", "", legend=False)
+    name = drawable(rows[0].name, LONGEST_IN_LEGEND)
+    finish(axes, f"forward speed minus that of {name} [mm/s]", "", legend=False)
     legend_below(figure, axes, 2)
     return figure
 

@@ -16,11 +16,19 @@ from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.split import COMPONENTS
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.trial_gap import TrialGap
-from gaitopt.report.figures.style import BEST_COLOUR, COLOURS, finish, legend_below, plain_ticks
+from gaitopt.report.figures.style import (
+    BEST_COLOUR,
+    COLOURS,
+    finish,
+    legend_below,
+    name_panel,
+    name_rows,
+    plain_ticks,
+    single_panel,
+    stacked_panels,
+)
+from gaitopt.report.letters import LONGEST_IN_LEGEND, drawable
 from gaitopt.robot.signals import is_marker, name_of
-
-_WIDTH = 6.0
-"""Inches, as of the other figures."""
 
 _SHOWN = 12
 """Candidates in the ranking."""
@@ -38,12 +46,11 @@ def measured_and_simulated(trial: TrialGap, after: Aligned | None = None) -> Fig
         after: the same trial beside the corrected robot.
     """
     names = list(trial.splits)
-    figure = Figure(figsize=(_WIDTH, 0.6 + 1.7 * len(names)), layout="constrained")
-    grid = figure.subplots(len(names), 1, squeeze=False, sharex=True)[:, 0]
+    figure, grid = stacked_panels(len(names), 0.6 + 1.7 * len(names))
     for axes, name in zip(grid, names, strict=True):
         _signal(axes, trial, name, after)
         finish(axes, "", _label(name), legend=False)
-        axes.set_title(name, loc="left", fontsize=10)
+        name_panel(axes, name)
     grid[-1].set_xlabel("gait time [s]")
     legend_below(figure, grid[0], 4)
     return figure
@@ -77,8 +84,7 @@ def _signal(axes: Axes, trial: TrialGap, name: str, after: Aligned | None) -> No
 def components(diagnosis: Diagnosis) -> Figure:
     """Draw the components of the gap of each signal and trial, in floors."""
     bars = [(trial, name) for trial in diagnosis.trials for name in trial.splits]
-    figure = Figure(figsize=(_WIDTH, 0.3 * len(bars) + 1.5), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single_panel(0.3 * len(bars) + 1.5)
     places = np.arange(len(bars))[::-1]
     left = np.zeros(len(bars))
     for index, component in enumerate(COMPONENTS):
@@ -94,7 +100,7 @@ def components(diagnosis: Diagnosis) -> Figure:
         )
         left += widths
     labels = [f"{trial.name}: {name}{'' if trial.counts else ' (not used)'}" for trial, name in bars]
-    axes.set_yticks(places, labels, fontsize=8)
+    name_rows(axes, places.tolist(), labels, 8.0)
     axes.margins(y=0.02)
     axes.axvline(1.0, color="k", lw=1.0, ls="--", label="the floor")
     finish(axes, "gap [floors]; parts by their share of its square", "", legend=False)
@@ -114,8 +120,7 @@ def ranking(found: Causes) -> Figure:
             errors[candidate.label] = float(np.sqrt(len(apart)) * apart.std())
     rows = float(found.trial_set.rows_per_block.sum())
     names = sorted(firsts, key=lambda name: firsts[name])
-    figure = Figure(figsize=(_WIDTH, 0.3 * len(names) + 1.2), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single_panel(0.3 * len(names) + 1.2)
     places = np.arange(len(names))[::-1]
     axes.barh(
         places,
@@ -124,7 +129,7 @@ def ranking(found: Causes) -> Figure:
         color=[_RANK_COLOURS.get(name, BEST_COLOUR if name == best.label else COLOURS[0]) for name in names],
         height=0.65,
     )
-    axes.set_yticks(places, names, fontsize=8)
+    name_rows(axes, places.tolist(), names, 8.0)
     axes.set_xscale("log")
     plain_ticks(axes.xaxis)
     axes.axvline(1.0, color="k", lw=1.0, ls="--")
@@ -136,8 +141,7 @@ def ranking(found: Causes) -> Figure:
 def profile(found: Causes) -> Figure:
     """Draw the loss along each parameter of the winner, and the values that were simulated."""
     best = found.candidates[0]
-    figure = Figure(figsize=(_WIDTH, 0.3 + 2.7 * len(best.fits)), layout="constrained")
-    grid = figure.subplots(len(best.fits), 1, squeeze=False)[:, 0]
+    figure, grid = stacked_panels(len(best.fits), 0.3 + 2.7 * len(best.fits), share_x=False)
     rows = float(found.trial_set.rows_per_block.sum())
     ends = found.intervals(best)
     for axes, fit, at, (low, high) in zip(grid, best.fits, best.at, ends, strict=True):
@@ -153,7 +157,8 @@ def profile(found: Causes) -> Figure:
             axes.set_xscale("log")
             plain_ticks(axes.xaxis)
         axes.axvspan(low, high, color=COLOURS[4], alpha=0.35, lw=0.0, label="90 % interval")
-        finish(axes, f"{h.name}: {h.effect.parameter} [{h.effect.unit or '1'}]", "error [1 = a right model]")
+        name = drawable(f"{h.name}: {h.effect.parameter}")
+        finish(axes, f"{name} [{h.effect.unit or '1'}]", "error [1 = a right model]")
     return figure
 
 
@@ -161,12 +166,11 @@ def held_out(diagnosis: Diagnosis, found: Causes) -> Figure:
     """Draw the marker's RMS error in each trial, before and after, on data that the fit did not see."""
     best, trial_set = found.candidates[0], found.trial_set
     trials = np.unique(trial_set.sample_trials).tolist()
-    figure = Figure(figsize=(_WIDTH, 1.2 + 0.62 * len(trials)), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single_panel(1.2 + 0.62 * len(trials))
     places = np.arange(len(trials))[::-1]
     looks = (
         (found.nominal.marker, 0.2, "0.6", "", "nominal"),
-        (best.marker, -0.2, BEST_COLOUR, "//", f"with {best.label}"),
+        (best.marker, -0.2, BEST_COLOUR, "//", drawable(f"with {best.label}")),
     )
     for apart, shift, colour, hatch, label in looks:
         left = [_rms_of(trial_set, apart, trial) for trial in trials]
@@ -175,7 +179,7 @@ def held_out(diagnosis: Diagnosis, found: Causes) -> Figure:
         )
     floors = [1e3 * marker_floor(diagnosis.trials[trial].floors) for trial in trials]
     axes.plot(floors, places, "k|", ms=22, mew=1.6, label="the floor")
-    axes.set_yticks(places, [trial_set.trials[trial].aligned.trial.name for trial in trials])
+    name_rows(axes, places.tolist(), [trial_set.trials[trial].aligned.trial.name for trial in trials])
     finish(axes, "RMS error of the marker, held out [mm]", "", legend=False)
     legend_below(figure, axes, 3)
     return figure
@@ -205,8 +209,7 @@ def gap_map(diagnosis: Diagnosis) -> Figure:
     """Draw the gap inside the cycle by phase, in floors: one row for each signal of each trial."""
     rows = [(t, name) for t in diagnosis.trials for name in t.splits if len(t.splits[name].by_phase)]
     values = np.stack([_by_phase(trial, name) for trial, name in rows])
-    figure = Figure(figsize=(_WIDTH, 0.28 * len(rows) + 1.2), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single_panel(0.28 * len(rows) + 1.2)
     image = axes.imshow(
         values,
         aspect="auto",
@@ -214,7 +217,7 @@ def gap_map(diagnosis: Diagnosis) -> Figure:
         norm=LogNorm(0.5, max(2.0, float(np.nanmax(values, initial=0.0)))),
         extent=(0.0, 1.0, len(rows) - 0.5, -0.5),
     )
-    axes.set_yticks(range(len(rows)), [f"{trial.name}: {name}" for trial, name in rows], fontsize=8)
+    name_rows(axes, range(len(rows)), [f"{trial.name}: {name}" for trial, name in rows], 8.0)
     axes.set_xticks(np.linspace(0.0, 1.0, 5))
     axes.set_xlabel("share of the gait's cycle")
     bar = figure.colorbar(image, ax=axes, label="gap [floors]", pad=0.01)
@@ -227,4 +230,4 @@ def _scale(name: str) -> float:
 
 
 def _label(name: str) -> str:
-    return f"{name_of(name)} [mm]" if is_marker(name) else "angle [°]"
+    return f"{drawable(name_of(name), LONGEST_IN_LEGEND)} [mm]" if is_marker(name) else "angle [°]"

@@ -19,10 +19,13 @@ from gaitopt.report.figures.style import (
     STYLES,
     finish,
     legend_below,
+    name_panel,
+    name_rows,
     single_panel,
     stacked_panels,
     thinned,
 )
+from gaitopt.report.letters import drawable
 from gaitopt.robot.roles import Roles
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import LOADED
@@ -56,7 +59,7 @@ def overlay(trajectories: Mapping[str, Trajectory], roles: Roles, best: str | No
             color=BEST_COLOUR if chosen else COLOURS[index % 5],
             linestyle="-" if chosen else STYLES[index % len(STYLES)],
             linewidth=2.2 if chosen else 1.5,
-            label=name,
+            label=drawable(name),
         )
     finish(axes, "time [s]", "marker forward [mm]")
     return figure
@@ -77,7 +80,7 @@ def panels(
     for axes, (name, trajectory) in zip(grid, trajectories.items(), strict=True):
         colour = BEST_COLOUR if name == best else COLOURS[0]
         axes.plot(*thinned(trajectory.time, 1e3 * along(trajectory, roles, axis)), color=colour)
-        axes.set_title(name, loc="left", fontsize=10)
+        name_panel(axes, name)
         finish(axes, "", f"{('forward', 'left', 'up')[axis]} [mm]", legend=False)
     grid[-1].set_xlabel("time [s]")
     return figure
@@ -95,7 +98,7 @@ def gait_diagram(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Ro
         for anchored, _, slipping in contacts.values():
             _shade(axes, cycle, anchored, "0.5", 0.15)
             _shade(axes, cycle, slipping, BEST_COLOUR, 0.25)
-        axes.set_title(name, loc="left", fontsize=10)
+        name_panel(axes, name)
         finish(axes, "", "angle [°]", legend=name == names[0])
     if pads:
         _pad_bars(grid[-1], cycle, contacts)
@@ -122,7 +125,7 @@ def angles(problem: Problem, gait: Gait, trajectory: Trajectory, robot: Robot) -
         _shade(axes, time, torque >= _AT_LIMIT * torque_limit, COLOURS[1], 0.4)
         axes.fill_between([], [], color=COLOURS[1], alpha=0.4, label="at the torque limit")
         limited = f", torque limit {torque_limit:.3g} N m" if np.isfinite(torque_limit) else ""
-        axes.set_title(f"{name}{limited}", loc="left", fontsize=10)
+        name_panel(axes, f"{name}{limited}")
         finish(axes, "", "angle [°]", legend=False)
     grid[-1].set_xlabel("time [s]")
     legend_below(figure, grid[0], 4)
@@ -136,7 +139,7 @@ def commanded(gait: Gait) -> Figure:
     targets = np.rad2deg(gait.targets(cycle * gait.period_s))
     for axes, name, series in zip(grid, gait.channels, targets.T, strict=True):
         axes.plot(cycle, series, color=COLOURS[0])
-        axes.set_title(name, loc="left", fontsize=10)
+        name_panel(axes, name)
         finish(axes, "", "angle [°]", legend=False)
     grid[-1].set_xlabel(f"share of the cycle of {gait.period_s:.3g} s")
     grid[-1].set_xlim(0.0, 1.0)
@@ -201,9 +204,9 @@ def _pad_bars(axes: Axes, cycle: NDArray[np.float64], contacts: Mapping[str, NDA
                 hatch=bar.hatch,
                 edgecolor=bar.edge,
             )
-    axes.set_yticks(range(len(contacts)), list(contacts))
+    name_rows(axes, range(len(contacts)), list(contacts))
     axes.set_ylim(len(contacts) - 0.4, -0.6)
-    axes.set_title("pads under load", loc="left", fontsize=10)
+    name_panel(axes, "pads under load")
     finish(axes, "", "", legend=False)
 
 

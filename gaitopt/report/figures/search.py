@@ -20,9 +20,11 @@ from gaitopt.report.figures.style import (
     STYLES,
     finish,
     legend_below,
+    name_rows,
     plain_ticks,
     single_panel,
 )
+from gaitopt.report.letters import LONGEST_IN_LEGEND, drawable
 
 
 def convergence(entries: Sequence[Entry], baselines: Sequence[Verified]) -> Figure:
@@ -41,7 +43,11 @@ def convergence(entries: Sequence[Entry], baselines: Sequence[Verified]) -> Figu
     for index, baseline in enumerate(baselines):
         style = STYLES[index % len(STYLES)]
         axes.axhline(
-            1e3 * baseline.speed, color="0.45", linestyle=style, linewidth=1.0, label=baseline.gait.name
+            1e3 * baseline.speed,
+            color="0.45",
+            linestyle=style,
+            linewidth=1.0,
+            label=drawable(baseline.gait.name, LONGEST_IN_LEGEND),
         )
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     finish(axes, "gait evaluated", "forward speed [mm/s]", legend=False)
@@ -93,7 +99,7 @@ def front(entries: Sequence[Entry], found: Sequence[FrontGait], baselines: Seque
     for index, baseline in enumerate(baselines):
         axes.plot(
             1e3 * baseline.speed, _transport(baseline), MARKS[index % 5], color=COLOURS[index % 5],
-            label=baseline.gait.name,
+            label=drawable(baseline.gait.name, LONGEST_IN_LEGEND),
         )  # fmt: skip
     axes.set_yscale("log")
     plain_ticks(axes.yaxis)
@@ -108,7 +114,13 @@ def _front_gaits(axes: Axes, gaits: Sequence[Verified], mark: str, label: str) -
     if points:
         axes.plot(*zip(*points, strict=True), mark, color=BEST_COLOUR, markersize=6, label=label)
     for one, point in zip(gaits, points, strict=True):
-        axes.annotate(one.gait.name, point, fontsize=8, xytext=(4, 4), textcoords="offset points")
+        axes.annotate(
+            drawable(one.gait.name, LONGEST_IN_LEGEND),
+            point,
+            fontsize=8,
+            xytext=(4, 4),
+            textcoords="offset points",
+        )
 
 
 def _transport(verified: Verified) -> float:
@@ -136,7 +148,7 @@ def sensitivity(found: Sequence[Sensitivity], step: str) -> Figure:
         slopes, places, xerr=noise, fmt="k|", markersize=7, capsize=2, linewidth=0.9,
         label="half the difference, 90 % interval",
     )  # fmt: skip
-    axes.set_yticks(places, [one.name for one in ranked], fontsize=8)
+    name_rows(axes, places.tolist(), [one.name for one in ranked], 8.0)
     axes.axvline(0.0, color="k", linewidth=0.8)
     axes.margins(y=0.02)
     finish(axes, "change of the forward speed [mm/s]", "", legend=False)

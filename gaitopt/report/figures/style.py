@@ -1,13 +1,20 @@
-"""The look of all figures: size, colours, line styles, grids, legends and ticks."""
+"""The look of all figures: size, colours, line styles, grids, legends, ticks and names."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.backend_bases import RendererBase
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import LogFormatter
 from numpy.typing import NDArray
+
+from gaitopt.report.letters import drawable
 
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#000000")
 """Okabe and Ito's palette, which colour-blind readers can tell apart; styles differ too, for print."""
@@ -25,16 +32,42 @@ _MOST_POINTS = 2500
 """Points of a line, about; a printer can show no more."""
 
 
-def stacked_panels(rows: int, height: float) -> tuple[Figure, list[Axes]]:
-    """Return a figure of a height in inches, and its panels from top to bottom with one x axis."""
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
-    return figure, list(figure.subplots(rows, 1, squeeze=False, sharex=True)[:, 0])
+class PlainFigure(Figure):
+    """A figure that draws texts as they are: names with ``$`` are no formulas, and nothing is given to TeX.
+
+    Ticks get their texts only when they are drawn, and other texts when they are made. So both are set.
+    """
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Draw the figure."""
+        with rc_context({"text.parse_math": False, "text.usetex": False}):
+            for text in self.findobj(Text):
+                assert isinstance(text, Text)
+                text.set_parse_math(False)
+                text.set_usetex(False)
+            super().draw(renderer)
+
+
+def stacked_panels(rows: int, height: float, share_x: bool = True) -> tuple[Figure, list[Axes]]:
+    """Return a figure of a height in inches, and its panels from top to bottom; by default, they share x."""
+    figure = PlainFigure(figsize=(WIDTH, height), layout="constrained")
+    return figure, list(figure.subplots(rows, 1, squeeze=False, sharex=share_x)[:, 0])
 
 
 def single_panel(height: float) -> tuple[Figure, Axes]:
     """Return a figure of a height in inches, and its one panel."""
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    figure = PlainFigure(figsize=(WIDTH, height), layout="constrained")
     return figure, figure.subplots()
+
+
+def name_panel(axes: Axes, name: str) -> None:
+    """Write a name above a panel."""
+    axes.set_title(drawable(name), loc="left", fontsize=10)
+
+
+def name_rows(axes: Axes, places: Sequence[float], names: Sequence[str], fontsize: float = 10.0) -> None:
+    """Write names beside the rows of a panel."""
+    axes.set_yticks(places, [drawable(name) for name in names], fontsize=fontsize)
 
 
 def finish(axes: Axes, x: str, y: str, legend: bool = True) -> None:

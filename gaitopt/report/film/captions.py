@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
+
+from gaitopt.report.letters import font_file
 
 
 def length_text(metres: float, places: int = 1) -> str:
@@ -35,6 +36,4 @@ def write_lines(picture: Image.Image, above: str, below: str) -> None:
 
 @cache
 def _font(size: int) -> ImageFont.FreeTypeFont:
-    from matplotlib import get_data_path
-
-    return ImageFont.truetype(str(Path(get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
+    return ImageFont.truetype(str(font_file()), size)

@@ -14,6 +14,7 @@ from gaitopt.report.film.camera import camera_of, followed
 from gaitopt.report.film.captions import length_text, write_lines
 from gaitopt.report.film.gl import open_context, opengl_missing
 from gaitopt.report.film.take import Take
+from gaitopt.report.letters import drawable
 from gaitopt.report.settings import FilmSettings
 
 _STRIPES = 41
@@ -141,11 +142,13 @@ class Scene:
         travelled = float(shown.axes[0] @ (marker[index] - marker[0]))
         speed = "" if math.isnan(shown.speed_m_s) else f"   speed {length_text(shown.speed_m_s)}/s"
         period = "" if shown.period_s is None else f"   period {shown.period_s:.3g} s"
-        above = f"{shown.name}{period}{speed}"
+        above = f"{drawable(shown.name)}{period}{speed}"
         stripes = length_text(self._stripe_m, 0)
         below = f"t = {at:5.2f} s   travelled {length_text(travelled)}   stripes {stripes}"
         if shown.ghost is not None:
-            below = f"t = {at:5.2f} s   marker: orange simulated, blue measured ({shown.ghost.trial})"
+            below = (
+                f"t = {at:5.2f} s   marker: orange simulated, blue measured ({drawable(shown.ghost.trial)})"
+            )
         return above, below
 
 

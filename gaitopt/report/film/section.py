@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from gaitopt.core.errors import GaitoptError
+from gaitopt.core.text import one_line
 from gaitopt.report import settings as defaults
 from gaitopt.report.page import Section, image_section
 from gaitopt.report.settings import ReportSettings
@@ -29,13 +29,13 @@ def film_part(folder: Path, name: str, title: str, caption: str, write: Callable
         name: name of the film's file, without suffix.
         title: title of its section.
         caption: what to see in it.
-        write: simulates what is filmed, and writes a WebP to a path. Where it raises a `GaitoptError`, the
+        write: simulates what is filmed, and writes a WebP to a path. Where it fails, the
             page has a note instead of a film.
     """
     try:
         path = write_into(folder, f"figures/{name}.webp", write)
-    except GaitoptError as error:
-        return FilmPart(notes=(f"No film: {error}",))
+    except Exception as error:
+        return FilmPart(notes=(f"No film: {one_line(error)}",))
     return FilmPart(sections=(image_section(title, path.read_bytes(), "webp", caption),))
 
 
