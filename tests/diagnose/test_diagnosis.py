@@ -1,6 +1,6 @@
 """Causes planted by other numerics are found again, with their parameters, and the same every time."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ def simulator(arcfold: Problem) -> Simulator:
 def diagnosed(
     simulator: Simulator,
     folder: Path,
-    effects: dict[str, Values],
+    effects: Mapping[str, Values],
     among: Collection[str] = AMONG,
     workers: int = 2,
     known: bool = True,
@@ -78,7 +78,7 @@ def test_a_right_model_has_no_gap(simulator: Simulator, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_what_is_not_tried_is_not_found(simulator: Simulator, tmp_path: Path) -> None:
-    planted = {"servo_torque_limit": {"limit_n_m": 0.1, "target": "mid_act"}}
+    planted: dict[str, Values] = {"servo_torque_limit": {"limit_n_m": 0.1, "target": "mid_act"}}
     found = diagnosed(simulator, tmp_path, planted, ("camera_tilt", "clock_rate"), gaits=("square-1s",))
     assert found["verdict"] in ("unexplained", "partly_explained")
     assert found["other_probability"] > 0.5

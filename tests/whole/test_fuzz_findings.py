@@ -17,6 +17,7 @@ from hostility import refused, run, with_element
 
 from gaitopt.cli import app as cli
 from gaitopt.core.files import read_json, write_text
+from gaitopt.diagnose.judge.gap import Gap
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.diagnose.record.export import ImportOptions
 from gaitopt.diagnose.record.importing import import_file, import_files
@@ -237,7 +238,7 @@ def test_a_diagnosis_that_was_changed_is_one_line(
 @pytest.mark.parametrize("candidates", [[], ["servo_gain"]])
 def test_a_diagnosis_with_a_gap_of_no_part_has_an_answer(candidates: list[str]) -> None:
     """Every part of it within the floor: the answer looked for the largest."""
-    gap = {"heldout_before_m": 0.004, "heldout_after_m": 0.004, "floor_m": 0.001, "shrinkage": 0.0}
+    gap = Gap(before=0.004, after=0.004, floor=0.001, ci90=(0.0, 0.0))
     found = SimpleNamespace(candidates=candidates, best=None, causes=[])
     said = answer(SimpleNamespace(gap=gap, verdict="unexplained", found=found, where=[], causes=[]))  # type: ignore[arg-type]
     assert "4 mm RMS of the marker" in said

@@ -1,6 +1,7 @@
 """What is concluded from the evidence: sets, probabilities and chance."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import pytest
@@ -86,6 +87,10 @@ def test_a_trial_on_which_the_loss_jumps_takes_nothing_from_another() -> None:
     assert jagged > 2.0 * by_all_jumps > 0.0
 
 
+def _negative(change: np.ndarray, at: float) -> np.ndarray:
+    return -change
+
+
 @pytest.mark.parametrize(("planted", "significant"), [(0.0, False), (40.0, True)])
 def test_chance_gains_little(planted: float, significant: bool) -> None:
     rng = np.random.default_rng(4)
@@ -96,7 +101,7 @@ def test_chance_gains_little(planted: float, significant: bool) -> None:
     changes = (-40.0 * direction, 5.0 * rng.standard_normal(200))
     candidates = []
     for change in changes:
-        fit = toy_fit(trial_set, nominal.whitened, lambda a, change=change: -change, (1.0,))
+        fit = toy_fit(trial_set, nominal.whitened, partial(_negative, change), (1.0,))
         losses = trial_set.losses(fit.at_best("whitened"))
         candidates.append(Candidate((fit,), (1.0,), losses, losses, fit.at_best("whitened"), np.empty(0)))
     gain = float(nominal.whitened @ nominal.whitened) - min(c.total_loss for c in candidates)

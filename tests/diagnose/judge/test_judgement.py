@@ -1,5 +1,6 @@
 """The covariance from perturbed robots of the leaders: what it overlooks, and whom it lets win."""
 
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -43,8 +44,7 @@ def test_a_candidate_that_imitates_small_errors_does_not_win() -> None:
     nominal, at = toy_comparison([0.0], measured), (0.0, 0.5, 1.0)
     changes = {"cause": cause, "twin": cause + unknown, "idle": rng.standard_normal(ROWS)}
     fits = tuple(
-        toy_fit(trials, measured, lambda a, change=change: a * change, at, name)
-        for name, change in changes.items()
+        toy_fit(trials, measured, partial(np.multiply, change), at, name) for name, change in changes.items()
     )
     drawn = []
 

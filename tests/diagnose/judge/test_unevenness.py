@@ -27,7 +27,8 @@ def test_a_servo_that_limps_is_something_else(arcfold: Problem, tmp_path: Path) 
     with open_executor("threads", 2) as executor:
         data = load_dataset(folder, arcfold, list(SIGNALS))
         request = DiagnosisRequest(1, ("pad_friction",), next_gait=False)
-        found = diagnose(simulator, data, request, executor).to_dict()
-    assert found["unevenness"] > UNEVEN
-    assert found["verdict"] in ("unexplained", "partly_explained")
-    assert found["other_probability"] > 0.5
+        found = diagnose(simulator, data, request, executor).found
+    assert found is not None
+    assert found.unevenness > UNEVEN
+    assert found.verdict in ("unexplained", "partly_explained")
+    assert found.other_probability > 0.5
