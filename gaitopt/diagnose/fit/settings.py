@@ -11,7 +11,7 @@ class WhiteningSettings:
     """How a trial is averaged over bins, and the covariance that whitens its residual.
 
     Attributes:
-        bins_per_block: bins in a block (a cycle, where there are cycles), where the frame rate allows.
+        bins_per_block: bins in a block (a cycle, where there are cycles), if the frame rate allows.
         max_bins: bins of a trial at most: the covariance is a dense matrix of that size.
         origin_m: standard deviation of the marker's unknown origin, m.
         remainder: size of the smooth remainder, as a share of the change with small errors.
@@ -24,7 +24,7 @@ class WhiteningSettings:
             exact.
         least_angle_rad: the same of an angle, rad.
         offset_steps: Gauss–Newton steps at most for an unknown offset of the recording.
-        offset_difference_s: half the distance over which the slope with the offset is measured, s.
+        offset_difference_s: half of the difference in offset over which a slope is measured, s.
         offset_max_blocks: longest step of the offset, in blocks.
         offset_tolerance_s: a shorter step is the last one, s.
     """
@@ -63,9 +63,8 @@ class FitSettings:
             best is not dropped: its parameter may still be too small.
         tolerance: parameters closer than this share of the range are not simulated again.
         tolerance_measurement: the same for effects of the measurement: a tenth of a millisecond of a clock.
-        aside: share of the way to a neighbour at which the side of a simulated minimum is tried, where that
-            neighbour is farther than `aside_tolerances` tolerances.
-        aside_tolerances: see `aside`.
+        aside: where the least loss is at a simulated robot, this share of the way to a neighbour is tried.
+        aside_tolerances: a neighbour counts for that if it is more than this many tolerances away.
         close: mean square by which the residual of a leading fit may differ from that of the nearest
             simulated robot.
         leading: fits that leave at most this many times the least loss are finished until they are `close`.
@@ -111,14 +110,16 @@ class PairSettings:
         sum_turns: number of times that each coordinate of a sum is moved.
         simulated_sums: sums that are simulated.
         per_batch: pairs that are fitted at a time.
-        batches: batches at most, while the best pair leaves more than `right` times what is right.
-        right: see `batches`; what is right is one square for each row.
+        batches: batches at most. Another one follows while the best pair leaves a mean whitened square above
+            `right`.
+        right: see `batches`. A right model leaves 1.
         rounds: rounds of each batch.
         targets: pairs of the same two effects, on other targets, at most.
         alike: cosine from which two signatures are alike.
-        twins: effects that are tried in the place of one of the best pair, at most.
+        twins: effects with the signature of one of the best pair that are tried in its place, at most.
         twin_rounds: rounds of these pairs.
-        substitutes: effects that are fitted from where the best pair is, at most.
+        substitutes: effects that nearly do what one of the best pair does, and are fitted in its place, at
+            most.
         substitute_rounds: rounds of these pairs.
         probes: number of times that the best pairs are probed at the end: a jagged response has more than
             one valley.

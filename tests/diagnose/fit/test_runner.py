@@ -87,6 +87,7 @@ def test_little_travels_and_an_interrupted_diagnosis_recalls_it(
     cache, weighing = SimulationCache(tmp_path / "cache"), Weighing()
     first = found(arcfold, folder, weighing, cache=cache, on_progress=steps.append)
     assert max(weighing.sent) < 200_000
+    assert max(weighing.answered) < 5_000_000
     fits = [step for step in steps if step.stage == "fitting effects"]
     assert fits[-1].done == fits[-1].total
     again = Weighing()
