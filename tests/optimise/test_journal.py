@@ -100,7 +100,7 @@ def test_a_torn_last_line_is_dropped(
     assert path.read_text() == "".join(lines[:8])
 
 
-def test_a_torn_header_is_written_anew(strider: Problem, tmp_path: Path, whole: tuple[str, str]) -> None:
+def test_a_torn_header_is_written_again(strider: Problem, tmp_path: Path, whole: tuple[str, str]) -> None:
     path = tmp_path / "evaluations.csv"
     for beginning in ("", "evaluation,meth"):
         path.write_text(beginning)

@@ -30,7 +30,7 @@ def add_options(parser: Parser) -> None:
     add = parser.add_argument
     add("--budget", type=int, metavar="N", help="gaits to evaluate (default: 600)")
     add("--seed", type=int, metavar="S", help="seed of all randomness (default: 1)")
-    add("--method", metavar="NAME", help="default, cma-es or nelder-mead")
+    add("--method", metavar="NAME", help="default, or one solver alone, such as cma-es or nelder-mead")
     add("--warm-start", action=argparse.BooleanOptionalAction, default=None, help="start from planned gaits")
     about = "spend half of the budget on a front of speed against cost of transport"
     add("--pareto", action="store_const", const=True, help=about)
