@@ -5,6 +5,7 @@ import tomllib
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from helpers import STRIDER, problem_folder, same_bits, still
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.effects import EFFECTS, Effect
+from gaitopt.effects.active import Values
 from gaitopt.effects.parts import Parts
 from gaitopt.optimise.evaluator import assess
 from gaitopt.problem.model import nominal_mjcf
@@ -31,7 +33,7 @@ def test_every_effect_can_be_switched_on_in_a_problem_file(
     value = strong(effect, nominal)
     text = tomli_w.dumps({"effects": asked(effect, value)})
 
-    def switch_on(content: dict) -> None:
+    def switch_on(content: dict[str, Any]) -> None:
         content |= tomllib.loads(text)
 
     problem = load_problem(problem_folder(tmp_path / "affected", quick_folder, switch_on))
@@ -68,7 +70,7 @@ def test_the_nominal_model_stays_nominal(arcfold: Problem) -> None:
 
 
 def test_all_effects_go_together(arcfold: Problem, nominal: Parts) -> None:
-    mild = {}
+    mild: dict[str, Values] = {}
     for effect in EFFECTS.values():
         low, high = effect.bounds(nominal)
         neutral = effect.neutral_value(nominal)
@@ -176,7 +178,7 @@ def test_an_effect_goes_into_other_processes(quick: Problem) -> None:
         ({"pad_friction": {"scale": 2.0, "target": "foot1"}}, r"unknown parameter 'target'; known: scale"),
     ],
 )  # fmt: skip
-def test_a_wrong_effect_is_one_line(arcfold: Problem, effects: dict, message: str) -> None:
+def test_a_wrong_effect_is_one_line(arcfold: Problem, effects: dict[str, Any], message: str) -> None:
     with pytest.raises(GaitoptError, match=message) as error:
         arcfold.with_effects(effects)
     assert "problem.toml" in str(error.value)

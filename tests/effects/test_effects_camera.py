@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from gaitopt.effects.active import Values
 from gaitopt.problem.problem import Problem
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
@@ -21,7 +22,7 @@ PATH = Trajectory(
 )
 
 
-def seen(problem: Problem, seed: int = 0, **effects: dict) -> Trajectory:
+def seen(problem: Problem, seed: int = 0, **effects: Values) -> Trajectory:
     return Simulator.build(problem.with_effects(effects)).observe(PATH, seed)
 
 

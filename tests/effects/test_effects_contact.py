@@ -3,6 +3,7 @@
 import itertools
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -101,7 +102,7 @@ EXCESS = 0.15
 """Pull beyond friction, m/s^2: a sled of MuJoCo's that slides faster lifts off its contacts and chatters."""
 
 
-def slides_beyond(rig: rigs.Make, direction: tuple[int, int], coefficient: float, **effects: dict) -> None:
+def slides_beyond(rig: rigs.Make, direction: tuple[int, int], coefficient: float, **effects: Any) -> None:
     """Check that the sled, of coefficient 0.2, slides at a pull beyond this one and sticks below it."""
     roles = {"pads": effects.pop("pads", ["front", "rear"]), "body": effects.pop("body", [])}
     forward = effects.pop("forward", [1, 0, 0])
@@ -118,7 +119,7 @@ def slides_beyond(rig: rigs.Make, direction: tuple[int, int], coefficient: float
 
 @pytest.mark.parametrize(("role", "name"), [("pads", "pad_friction"), ("body", "body_friction")])
 def test_friction_is_scaled_by_role(rig: rigs.Make, role: str, name: str) -> None:
-    roles = {"pads": [], "body": []} | {role: ["front", "rear"]}
+    roles: dict[str, list[str]] = {"pads": [], "body": []} | {role: ["front", "rear"]}
     for scale in (0.5, 1.5):
         slides_beyond(rig, AHEAD, 0.2 * scale, **roles, **{name: {"scale": scale}})
 

@@ -3,6 +3,7 @@
 import itertools
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -131,7 +132,7 @@ def test_a_stalled_servo_alone_on_its_supply_loses_what_it_draws(rig: rigs.Make)
 @pytest.mark.parametrize("name", ["command_latency", "channel_timing"])
 def test_a_latency_of_50_ms_shows_at_50_ms(rig: rigs.Make, name: str) -> None:
     problem = rig(gravity=0.0)
-    effect = {"delay_s": 0.05} | ({"target": "turn"} if name == "channel_timing" else {})
+    effect: dict[str, Any] = {"delay_s": 0.05} | ({"target": "turn"} if name == "channel_timing" else {})
     prompt, late = rigs.hold(problem, 0.5, 0.5), rigs.hold(problem, 0.5, 0.5, **{name: effect})
     assert np.array_equal(late["joint.elbow"][50:], prompt["joint.elbow"][:-50])
     assert np.ptp(late["joint.elbow"][:51]) == 0.0
@@ -139,7 +140,7 @@ def test_a_latency_of_50_ms_shows_at_50_ms(rig: rigs.Make, name: str) -> None:
 
 @pytest.mark.parametrize("gait", ["square-2s", "square-1s"])
 @pytest.mark.parametrize("other", [{}, {"servo_speed_limit": {"limit_rad_s": 6.0}}])
-def test_a_latency_is_a_late_motion_by_any_time(arcfold: Problem, gait: str, other: dict) -> None:
+def test_a_latency_is_a_late_motion_by_any_time(arcfold: Problem, gait: str, other: dict[str, Any]) -> None:
     """Square waves saturate a servo, so that it answers to a part of a jump as to the whole of it."""
     walk = arcfold.baselines[gait]
     prompt = Simulator.build(arcfold.with_effects(other)).run(walk, duration=1.5)
@@ -154,7 +155,7 @@ def test_a_latency_is_a_late_motion_by_any_time(arcfold: Problem, gait: str, oth
 
 
 @pytest.mark.parametrize("other", [{}, {"servo_speed_limit": {"limit_rad_s": 6.0}}])
-def test_one_late_servo_at_rest_is_late_by_any_time(arcfold: Problem, other: dict) -> None:
+def test_one_late_servo_at_rest_is_late_by_any_time(arcfold: Problem, other: dict[str, Any]) -> None:
     """Each tenth of a millisecond shows, by as much: the joint's turn begins at rest."""
     walk = arcfold.baselines["square-2s"]
 
@@ -171,7 +172,7 @@ def test_one_late_servo_at_rest_is_late_by_any_time(arcfold: Problem, other: dic
 
 
 def test_a_channel_s_timing_between_two_steps_is_their_blend(strider: Problem) -> None:
-    effects = {"channel_timing": {"delay_s": 0.0025, "target": "front"}}
+    effects: dict[str, Any] = {"channel_timing": {"delay_s": 0.0025, "target": "front"}}
     simulator = Simulator.build(strider.with_effects(effects))
     model = simulator.models[0]
     slow = simulator.effects.commands(lambda t: np.tile(0.1 * t[:, None], 2), model)
@@ -187,9 +188,9 @@ def test_a_channel_s_timing_between_two_steps_is_their_blend(strider: Problem) -
 def test_channel_timing_moves_one_channel_early_or_late(strider: Problem) -> None:
     gait = strider.baselines["stride"]
     for delay in (-0.02, 0.03):
-        effects = {"channel_timing": {"delay_s": delay, "target": "front"}}
+        effects: dict[str, Any] = {"channel_timing": {"delay_s": delay, "target": "front"}}
         simulator = Simulator.build(strider.with_effects(effects))
-        time = np.arange(100, 400) * simulator.fidelity.timestep_s
+        time = np.arange(100.0, 400.0) * simulator.fidelity.timestep_s
         arriving = simulator.effects.commands(gait.targets, simulator.models[0])(time)
         assert arriving[:, 0] == pytest.approx(gait.targets(time)[:, 0], abs=1e-15)
         assert arriving[:, 1] == pytest.approx(gait.targets(time - delay)[:, 1], abs=1e-9)

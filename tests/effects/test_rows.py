@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import pytest
@@ -40,7 +41,7 @@ def test_effects_says_what_does_not_apply(capsys: pytest.CaptureFixture[str]) ->
 def test_optimise_works_on_a_robot_with_an_effect(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], strider: Problem
 ) -> None:
-    def switch_on(content: dict) -> None:
+    def switch_on(content: dict[str, Any]) -> None:
         content["effects"] = {"servo_torque_limit": {"limit_n_m": 0.02, "target": "rear"}}
 
     folder, out = problem_folder(tmp_path / "weak", STRIDER, switch_on), tmp_path / "run"

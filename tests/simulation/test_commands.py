@@ -13,7 +13,7 @@ from gaitopt.simulation.scenario import NOMINAL, Scenario
 def test_framed_commands_are_held_for_a_frame_and_come_one_frame_late(quick: Problem) -> None:
     gait = quick.baselines["square-1s"].with_period(0.9871)
     frame_s = quick.file.servo.frame_s
-    time = np.arange(2000) * 1e-3
+    time = np.arange(2000.0) * 1e-3
     sent = servo_commands(quick, gait, time, framed=True)
     frame = np.round(time * 1e6).astype(int) // round(frame_s * 1e6)
     assert frame.max() > 50
@@ -56,7 +56,7 @@ def test_frames_hold_any_drive(strider: Problem) -> None:
 
 
 def test_rows_are_held_for_a_step_and_at_both_ends(strider: Problem) -> None:
-    time = np.arange(4) * 1e-3
+    time = np.arange(4.0) * 1e-3
     rows = np.arange(8.0).reshape(4, 2)
     sent = row_commands(strider, time, rows, 1e-3)
     assert sent(time) is rows

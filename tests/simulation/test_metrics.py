@@ -33,7 +33,7 @@ def robot(weight: float = 2.0, damping: float = 0.0, no_load_speed: float = 10.0
 
 
 def clock() -> Series:
-    return np.arange(1501) * 1e-3
+    return np.arange(1501.0) * 1e-3
 
 
 def synthetic(problem: Problem, signals: Mapping[str, ArrayLike]) -> Trajectory:
@@ -48,7 +48,9 @@ def synthetic(problem: Problem, signals: Mapping[str, ArrayLike]) -> Trajectory:
     values |= {"heading.w": 1.0, "contacts": 2.0, "contacts_all": 2.0, "depth": 0.0}
     assert set(signals) <= set(values)
     values |= signals
-    return Trajectory(time, {name: np.zeros(len(time)) + series for name, series in values.items()})
+    return Trajectory(
+        time, {name: np.zeros(len(time)) + np.asarray(series) for name, series in values.items()}
+    )
 
 
 def figures(problem: Problem, signals: Mapping[str, ArrayLike], of: Robot | None = None) -> dict[str, float]:
@@ -186,7 +188,7 @@ def test_torque_power_and_cost_of_transport(quick: Problem) -> None:
     """0.1 N m at 3 rad/s is 0.3 W; braking gives nothing back; 2 N at 0.05 m/s cost 0.1 W ideally."""
     time, (first, second, _) = clock(), quick.channel_names
     wave = np.sin(2.0 * np.pi * time / PERIOD_S)
-    signals = {f"torque.{first}": 0.1, f"rate.{first}": 3.0, "marker.x": 0.05 * time}
+    signals: dict[str, ArrayLike] = {f"torque.{first}": 0.1, f"rate.{first}": 3.0, "marker.x": 0.05 * time}
     found = figures(quick, signals)
     assert found["power_w"] == pytest.approx(0.3)
     assert found["cost_of_transport"] == pytest.approx(0.3 / (2.0 * 0.05))

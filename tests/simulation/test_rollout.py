@@ -19,6 +19,7 @@ from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.signals import UNITS, kind_of
+from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.commands import servo_commands
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.objective import FAILED_COST
@@ -69,7 +70,7 @@ def test_threads_share_one_simulator(strider: Problem) -> None:
     fresh = Simulator.build(strider, simulator.scenarios)
     threads = set()
 
-    def run(pair: tuple[Gait, int]) -> object:
+    def run(pair: tuple[Gait, int]) -> Trajectory:
         threads.add(threading.get_ident())
         return fresh.run(*pair)
 

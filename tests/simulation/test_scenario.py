@@ -1,7 +1,7 @@
 """Scenarios: draws of friction, strength, servo zeros and start pose."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
@@ -67,7 +67,7 @@ def test_a_servo_scenario_scales_the_torque_limit_alone(strider: Problem) -> Non
     assert weak.geom_friction.tolist() == nominal.geom_friction.tolist()
 
 
-def starts(problem: Problem, spread: float, read: Callable[[dict[str, np.ndarray]], float]) -> np.ndarray:
+def starts(problem: Problem, spread: float, read: Callable[[Mapping[str, np.ndarray]], float]) -> np.ndarray:
     """A figure of the first sample over many disturbed starts."""
     scenarios = tuple(Scenario(start_pose_rad=spread, pose_seed=seed) for seed in range(60))
     simulator = Simulator.build(problem, scenarios)

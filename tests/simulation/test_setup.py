@@ -8,7 +8,6 @@ import pytest
 
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
-from gaitopt.simulation import setup as setups
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import NOMINAL, Scenario
 from gaitopt.simulation.setup import RobotSetup, prepared
@@ -38,7 +37,7 @@ def test_a_robot_that_compiles_does_not_hold_up_others(
             assert go_on.wait(60.0)
         return build(problem, scenarios, fidelity)
 
-    monkeypatch.setattr(setups.Simulator, "build", patient)
+    monkeypatch.setattr(Simulator, "build", patient)
     with ThreadPoolExecutor(1) as executor:
         waiting = executor.submit(prepared, slow)
         assert compiling.wait(60.0)

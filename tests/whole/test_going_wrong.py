@@ -183,11 +183,13 @@ def test_a_slow_rollout_changes_nothing(tmp_path: Path, monkeypatch: pytest.Monk
     """Every limit is a count, not a clock: one that takes a hundred times as long gives the same bits."""
     problem = load_problem(STRIDER)
     quick = statuses(problem, 3)
-    assess, slept = evaluator.assess, []
+    assess = evaluator.assess
+    slept: list[float] = []
 
     def slowly(*arguments: object) -> object:
         if not slept:
-            slept.append(time.sleep(1.0))
+            time.sleep(1.0)
+            slept.append(1.0)
         return assess(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(evaluator, "assess", slowly)
