@@ -23,6 +23,7 @@ from gaitopt.jobs.outputs import Out, Stopped, out_folder
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.diagnosis_folder import DIAGNOSIS_FILE, diagnosis_folder, read_diagnosis
+from gaitopt.runs.folder import PAGE_FILE
 from gaitopt.simulation.rollout import Simulator
 
 
@@ -142,7 +143,7 @@ def diagnose(
     """
     if resume is not None:
         _check_resumed(Path(resume), out)
-        if finished := read_diagnosis(Path(resume)):
+        if is_finished(resume) and (finished := read_diagnosis(Path(resume))):
             return DiagnosisRun(finished.answer, finished.explanation, finished.folder, None)
     check_new_or_empty(out_folder(out))
     if problem is None:
@@ -206,8 +207,13 @@ def answered_into(
 
 
 def is_finished(folder: Path | str | None) -> bool:
-    """Return whether a folder is the run folder of a finished diagnosis."""
-    return folder is not None and (Path(folder) / DIAGNOSIS_FILE).is_file()
+    """Return whether a folder is the run folder of a finished diagnosis, and nothing is left to do there.
+
+    A page that is missing is left to do while what was simulated is still there.
+    """
+    if folder is None or not (Path(folder) / DIAGNOSIS_FILE).is_file():
+        return False
+    return (Path(folder) / PAGE_FILE).is_file() or not SimulationCache.is_in(Path(folder))
 
 
 def _check_resumed(folder: Path, out: Out) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import shlex
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,11 +19,12 @@ from gaitopt.optimise import run as search
 from gaitopt.optimise.journal import Journal, at_rung, ranked
 from gaitopt.optimise.recorder import OnSearchProgress
 from gaitopt.optimise.run import DEFAULT_BUDGET, Optimised, Request
-from gaitopt.optimise.sensitivity import Sensitivity, sensitivities
+from gaitopt.optimise.sensitivity import sensitivities
 from gaitopt.optimise.stages import DEFAULT_METHOD, method_of
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
-from gaitopt.runs.run_folder import Reopened, RunFolder
+from gaitopt.runs.folder import JOURNAL_FILE
+from gaitopt.runs.run_folder import BEST_FILE, SUMMARY_FILE, Reopened, RunFolder
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import check_searchable
 
@@ -141,11 +143,13 @@ def optimise(
             executor.
         workers: rollouts at once; all cores by default.
         out: a new or an empty folder for the run; nothing is left behind without it.
-        resume: the folder of an interrupted run to go on with, to the bits of an uninterrupted one.
+        resume: the folder of an interrupted run to go on with, to the bits of an uninterrupted one; a
+            finished run whose page is missing gets its page, without another search.
         on_progress: called as each batch of gaits ends.
 
     Raises:
-        GaitoptError: the request or the objective is wrong, every gait failed, or the folder is in use.
+        GaitoptError: the request or the objective is wrong, every gait failed, the folder is in use, or
+            the page could not be written; the results then are.
         Stopped: Ctrl-C ended a search that can be resumed.
     """
     check_executor(executor, workers)
@@ -167,44 +171,56 @@ def optimise(
 def _in_memory(problem: Problem, request: Request, work: _Work) -> OptimiseRun:
     """Search, and leave nothing behind."""
     with TemporaryDirectory() as name:
-        searched = _search(
-            problem, request, Path(name) / "evaluations.csv", replace(work, sensitivities=False)
-        )
-    return OptimiseRun(Summary.of(problem, searched.optimised), None, searched.optimised)
+        journal = Journal(Path(name) / JOURNAL_FILE, problem)
+        with opened(work.executor, work.workers) as pool:
+            optimised = search.optimise(problem, request, journal, pool, work.on_progress)
+    return OptimiseRun(Summary.of(problem, optimised), None, optimised)
 
 
 def _in_folder(run: Reopened, work: _Work) -> OptimiseRun:
-    """Do or go on with the work of a run; a finished one is only read."""
-    from gaitopt.report.search import write_report
+    """Do or go on with the work of a run. A finished one is only read, or gets the page that it lacks.
 
+    The results are written before the page, so that no page that fails can cost a search.
+    """
     folder = run.folder
     with folder, _stoppable(folder, run.problem):
         finished = folder.summary
-        if finished is not None:
+        if finished is not None and (folder.has_page or not run.same_versions):
             return OptimiseRun(finished, folder.path, None)
         problem = carrying(run.problem)
-        searched = _search(problem, run.request, folder.journal, work)
-        write_report(folder, problem, searched.optimised, work.full, searched.sensitivities)
-        summary = folder.write_results(problem, searched.optimised)  # last: it says that the run is done
-        return OptimiseRun(summary, folder.path, searched.optimised)
+        journal = Journal(folder.journal, problem)
+        if finished is not None and len(journal.entries) < finished.evaluations:
+            raise GaitoptError(
+                f"{folder.journal}: found {len(journal.entries)} evaluations; allowed: "
+                f"{finished.evaluations}, as in {SUMMARY_FILE}, to write the page again"
+            )
+        with opened(work.executor, work.workers) as pool:
+            optimised = search.optimise(problem, run.request, journal, pool, work.on_progress)
+            summary = finished or folder.write_results(problem, optimised)
+            _write_page(folder, problem, optimised, work, pool)
+        return OptimiseRun(summary, folder.path, optimised)
 
 
-@dataclass(frozen=True)
-class _Searched:
-    """What a search found, and the sensitivities of the best gait where they were asked for."""
+def _write_page(
+    folder: RunFolder, problem: Problem, optimised: Optimised, work: _Work, pool: Executor
+) -> None:
+    """Write the page of a finished search.
 
-    optimised: Optimised
-    sensitivities: Sequence[Sensitivity]
+    Raises:
+        GaitoptError: it could not be written; the line says that the results are.
+    """
+    from gaitopt.report.page import after_results
+    from gaitopt.report.search import write_report
 
-
-def _search(problem: Problem, request: Request, journal: Path, work: _Work) -> _Searched:
-    """Search, or go on with a search whose journal holds the beginning."""
-    with opened(work.executor, work.workers) as pool:
-        optimised = search.optimise(problem, request, Journal(journal, problem), pool, work.on_progress)
-        if not work.sensitivities:
-            return _Searched(optimised, ())
-        found = sensitivities(problem, optimised.best.gait, request.seed, pool)
-        return _Searched(optimised, found)
+    path = shlex.quote(str(folder.path))
+    again = f"gaitopt optimise {path} --resume {path}"
+    with after_results(folder.path, f"{BEST_FILE} and {SUMMARY_FILE}", again):
+        found = (
+            sensitivities(problem, optimised.best.gait, optimised.request.seed, pool)
+            if work.sensitivities
+            else []
+        )
+        write_report(folder, problem, optimised, work.full, found)
 
 
 @contextmanager

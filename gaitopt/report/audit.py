@@ -16,7 +16,7 @@ from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.page import Page, Picture, Section, Table, after_results, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.words import fidelity_text, names_of
-from gaitopt.runs.folder import new_folder, write_into
+from gaitopt.runs.folder import PAGE_FILE, new_folder, write_into
 from gaitopt.simulation.audit.finding import FINDING_KINDS, Finding
 from gaitopt.simulation.labels import title_of
 from gaitopt.simulation.rollout import Simulator
@@ -35,7 +35,7 @@ def write_audit(path: Path | None, problem: Problem, findings: Sequence[Finding]
     write_into(folder, "check.json", lambda file: write_text(file, content))
     with after_results(folder, "check.json"):
         html = _page(folder, problem, findings).html()
-        write_into(folder, "report.html", lambda file: write_text(file, html))
+        write_into(folder, PAGE_FILE, lambda file: write_text(file, html))
     return folder
 
 

@@ -18,7 +18,7 @@ from gaitopt.report.page import Page, Picture, Section, Table, after_results, fo
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.tables import metric_table
 from gaitopt.report.words import constraints_text, fidelity_text, interval_text, scenario_rule, verdicts
-from gaitopt.runs.folder import new_folder, write_into
+from gaitopt.runs.folder import PAGE_FILE, new_folder, write_into
 from gaitopt.simulation.rollout import Simulator
 
 
@@ -39,7 +39,7 @@ def write_comparison(
     write_into(folder, "compare.json", lambda file: write_text(file, content))
     with after_results(folder, "compare.json"):
         html = _page(folder, problem, gaits, rows, seed).html()
-        write_into(folder, "report.html", lambda file: write_text(file, html))
+        write_into(folder, PAGE_FILE, lambda file: write_text(file, html))
     return folder
 
 

@@ -19,7 +19,7 @@ from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
 from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.tables import gait_table
 from gaitopt.report.words import robot_text
-from gaitopt.runs.folder import write_into
+from gaitopt.runs.folder import PAGE_FILE, write_into
 from gaitopt.simulation.rollout import Simulator
 
 _VERDICTS = {
@@ -69,7 +69,7 @@ def write_page(
             folded(Section("The floor", table=tables.floors(diagnosis))),
         ],
     )
-    write_into(folder, "report.html", lambda file: write_text(file, page.html()))
+    write_into(folder, PAGE_FILE, lambda file: write_text(file, page.html()))
 
 
 def _with_table(title: str, table: Table | None) -> list[Section]:

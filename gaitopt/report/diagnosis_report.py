@@ -13,6 +13,7 @@ from gaitopt.gait.gait import write_gait
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem
 from gaitopt.report.diagnosis import write_page
+from gaitopt.report.page import after_results
 from gaitopt.runs.diagnosis_folder import CORRECTED_FILE, DIAGNOSIS_FILE, NEXT_FILE
 from gaitopt.runs.folder import MODEL_FILE, write_into, write_problem
 
@@ -24,7 +25,7 @@ def write_diagnosis(
     correction: Correction | None = None,
     full: bool = False,
 ) -> None:
-    """Write the run folder of a diagnosis; ``diagnosis.json`` comes last.
+    """Write the run folder of a diagnosis; ``diagnosis.json`` is the last of the results, before the page.
 
     Args:
         folder: the folder.
@@ -34,7 +35,7 @@ def write_diagnosis(
         full: add a film to the page.
 
     Raises:
-        GaitoptError: a file cannot be written.
+        GaitoptError: a file cannot be written; where that is the page, the line says that the results are.
     """
     content = diagnosis.to_dict() | {"answer": answer(diagnosis), "explanation": explanation(diagnosis)}
     content["corrected"] = [row.to_dict() for row in correction.walked] if correction else []
@@ -45,5 +46,6 @@ def write_diagnosis(
     if diagnosis.experiment is not None:
         gait = diagnosis.experiment.gait
         write_into(folder, NEXT_FILE, lambda file: write_gait(file, gait))
-    write_page(folder, problem, diagnosis, correction, full)
     write_into(folder, DIAGNOSIS_FILE, lambda file: write_text(file, to_json(content)))
+    with after_results(folder, DIAGNOSIS_FILE, "the same command with --resume and this folder"):
+        write_page(folder, problem, diagnosis, correction, full)

@@ -154,7 +154,7 @@ def after_results(folder: Path, results: str, again: str = "") -> Iterator[None]
     except Exception as error:
         raise GaitoptError(
             f"{folder}: the results are safe in {results}, but their page could not be written: "
-            f"{one_line(error)}" + (f"; to write it, type: {again}" if again else "")
+            f"{one_line(error)}" + (f"; to write it: {again}" if again else "")
         ) from error
 
 

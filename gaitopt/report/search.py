@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from shlex import quote
 
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
@@ -20,7 +19,7 @@ from gaitopt.report.figures import comparison as comparison_figures
 from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.figures import search as search_figures
 from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
-from gaitopt.report.page import Page, Picture, Section, Table, after_results, folded, save_figures
+from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.tables import gait_table, metric_table
 from gaitopt.report.words import (
@@ -33,6 +32,7 @@ from gaitopt.report.words import (
     scenario_rule,
 )
 from gaitopt.robot.trajectory import Trajectory
+from gaitopt.runs.folder import PAGE_FILE
 from gaitopt.runs.run_folder import RunFolder
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.labels import title_of
@@ -57,18 +57,7 @@ def write_report(
         optimised: what was found.
         full: add what takes longer: a film of the winner.
         sensitive: the sensitivities of its speed, where they were asked for.
-
-    Raises:
-        GaitoptError: the page could not be written.
     """
-    again = f"gaitopt optimise {quote(str(folder.path))} --resume {quote(str(folder.path))}"
-    with after_results(folder.path, "best.toml and summary.json", again):
-        _write_page(folder, problem, optimised, full, sensitive)
-
-
-def _write_page(
-    folder: RunFolder, problem: Problem, optimised: Optimised, full: bool, sensitive: Sequence[Sensitivity]
-) -> None:
     simulator, summary = Simulator.build(problem), Summary.of(problem, optimised)
     film = _film(folder.path, simulator, optimised, summary) if full else FilmPart()
     pictures = _pictures(simulator, optimised, summary) | _sensitivity_pictures(sensitive)
@@ -90,7 +79,7 @@ def _write_page(
             Section("What next", commands=_next_commands(folder.path)),
         ],
     )
-    folder.file("report.html", lambda path: write_text(path, page.html()))
+    folder.file(PAGE_FILE, lambda path: write_text(path, page.html()))
 
 
 # --- figures ------------------------------------------------------------------------------------

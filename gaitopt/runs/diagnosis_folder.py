@@ -14,7 +14,7 @@ from gaitopt.core.validation import validated
 from gaitopt.runs.folder import held, new_folder
 
 DIAGNOSIS_FILE = "diagnosis.json"
-"""What was found; written last, so a folder that has it is finished."""
+"""What was found; the last of the results, so that it says that the diagnosis is finished."""
 
 CORRECTED_FILE = "corrected.toml"
 """The problem with what was found switched on, where anything was."""

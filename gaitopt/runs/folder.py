@@ -25,6 +25,9 @@ JOURNAL_FILE = "evaluations.csv"
 
 MODEL_FILE = "model.xml"
 
+PAGE_FILE = "report.html"
+"""The page of any run; written after its results."""
+
 FIRST_FILES = (PROBLEM_FILE, MODEL_FILE)
 """What a run writes in its first second, after the lock."""
 

@@ -21,6 +21,7 @@ from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.runs.folder import (
     FIRST_FILES,
     JOURNAL_FILE,
+    PAGE_FILE,
     REQUEST_FILE,
     make_folder,
     next_free,
@@ -32,8 +33,11 @@ from gaitopt.runs.front_table import front_csv
 from gaitopt.runs.lock import FolderLock
 from gaitopt.runs.summary import Summary
 
+BEST_FILE = "best.toml"
+"""The winner of a run, a gait file."""
+
 SUMMARY_FILE = "summary.json"
-"""The result of a run; it is written last, so that it says that the run is finished."""
+"""The result of a run; it is the last of the results, so that it says that the search is finished."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +48,13 @@ class Reopened:
         folder: the folder, not locked yet.
         problem: the problem of the run.
         request: what was asked for.
+        same_versions: whether it was made with the versions here, so that it can go on.
     """
 
     folder: RunFolder
     problem: Problem
     request: Request
+    same_versions: bool = True
 
 
 class RunFolder:
@@ -108,11 +114,12 @@ class RunFolder:
                 raise GaitoptError(f"{file}: {key}: missing; it is required")
             if type(values[key]) is not type(default):
                 raise bad_value(file, key, values[key], f"{type(default).__name__}")
-        for name, here in versions().items():
-            if values.get(name, here) != here and not (path / SUMMARY_FILE).exists():
-                raise bad_value(file, name, values[name], f"{here}, the version here, to go on")
+        others = [name for name, here in versions().items() if values.get(name, here) != here]
+        if others and not (path / SUMMARY_FILE).exists():
+            name = others[0]
+            raise bad_value(file, name, values[name], f"{versions()[name]}, the version here, to go on")
         request = Request(**{key: values[key] for key in asdict(Request())})
-        return Reopened(RunFolder(path, new=False), load_problem(path), request)
+        return Reopened(RunFolder(path, new=False), load_problem(path), request, not others)
 
     def __enter__(self) -> RunFolder:
         self._lock.take()
@@ -149,6 +156,11 @@ class RunFolder:
         path = self.path / SUMMARY_FILE
         return Summary.read(path) if path.exists() else None
 
+    @property
+    def has_page(self) -> bool:
+        """Whether the page was written, which is the last thing that a run does."""
+        return (self.path / PAGE_FILE).is_file()
+
     def file(self, name: str, write: Callable[[Path], object]) -> Path:
         """Write one file of the run whole or not at all, and return its path."""
         return write_into(self.path, name, write)
@@ -165,7 +177,7 @@ class RunFolder:
     def write_results(self, problem: Problem, optimised: Optimised) -> Summary:
         """Write the best gait, the front if one was asked for, and the summary; return the summary."""
         summary = Summary.of(problem, optimised)
-        self.file("best.toml", lambda path: write_gait(path, optimised.best.gait))
+        self.file(BEST_FILE, lambda path: write_gait(path, optimised.best.gait))
         if optimised.request.pareto:
             self.file("pareto.csv", lambda path: write_text(path, front_csv(problem, optimised.front)))
         for found in optimised.front:

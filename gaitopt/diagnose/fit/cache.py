@@ -18,6 +18,9 @@ from gaitopt.diagnose.record.dataset import DataSet
 from gaitopt.problem.model import carrying, content_of
 from gaitopt.simulation.rollout import Simulator
 
+_PREFIX = "simulated-"
+"""How the name of a cache begins."""
+
 Arrays = Mapping[str, NDArray[np.float64]]
 
 
@@ -60,7 +63,12 @@ class SimulationCache:
             digest.update(repr(entry).encode())
             for series in (trial.time, *trial.signals.values()):
                 digest.update(series.tobytes())
-        return SimulationCache(folder / f"simulated-{digest.hexdigest()[:16]}")
+        return SimulationCache(folder / f"{_PREFIX}{digest.hexdigest()[:16]}")
+
+    @staticmethod
+    def is_in(folder: Path) -> bool:
+        """Return whether a folder holds any cache."""
+        return any(folder.glob(f"{_PREFIX}*"))
 
     @property
     def count(self) -> int:
