@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 
 from gaitopt.cli.lines import say_aside
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.numbers import number, whole_number
 
 WRONG_USAGE = 2
 
@@ -51,6 +52,8 @@ class Parser(argparse.ArgumentParser):
         self.words: list[str] = []
         self.commands: dict[str, Parser] = {}
         super().__init__(*arguments, **options)
+        self.register("type", float, number)
+        self.register("type", int, whole_number)
 
     def add_argument(self, *names: Any, **options: Any) -> argparse.Action:
         """Add an argument or an option."""

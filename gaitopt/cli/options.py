@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gaitopt.cli.command import Options, Parser
+from gaitopt.core.numbers import number
 
 if TYPE_CHECKING:
     from gaitopt.problem.problem import Problem
@@ -96,6 +97,6 @@ def _assignment(text: str) -> tuple[str, float]:
     try:
         if not separator:
             raise ValueError
-        return name, float(value)
+        return name, number(value)
     except ValueError:
         raise argparse.ArgumentTypeError(f"found {text!r}; allowed: NAME=VALUE with a number") from None

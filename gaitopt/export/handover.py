@@ -14,6 +14,7 @@ import numpy as np
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.core.folders import check_new_or_empty
+from gaitopt.core.numbers import number
 from gaitopt.export.files import export_files
 from gaitopt.export.format import Format
 from gaitopt.export.formats import FORMATS
@@ -181,7 +182,7 @@ def _slew_deg_s(text: str) -> float | None:
     if text in ("off", "servo"):
         return 0.0 if text == "off" else None
     try:
-        value = float(text)
+        value = number(text)
     except ValueError:
         value = math.nan
     if not (math.isfinite(value) and value > 0.0):

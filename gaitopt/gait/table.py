@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from gaitopt.core.errors import GaitoptError, bad_value
-from gaitopt.core.files import read_text
+from gaitopt.core.files import LARGEST_TEXT, read_text
 from gaitopt.core.validation import validated
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Gait
@@ -33,8 +33,10 @@ SAMPLES = 64
 
 MARK = "gaitopt-table"
 
-_HEADER = re.compile(rf"{MARK}: (\{{.*\}})")
-_ROW = re.compile(r"^[ \t]*(\d[\d., ]*)$", re.MULTILINE)
+_HEADER = re.compile(rf"^[ \t]*[#*] {MARK}: (\{{.*\}})", re.MULTILINE)
+"""A comment line that begins with the mark; names may hold the mark too, but they never begin a line."""
+
+_ROW = re.compile(r"^[ \t]*(\d[\d., ]*)$", re.MULTILINE | re.ASCII)
 
 _Word = Annotated[int, Field(ge=0, le=65535)]
 _Microseconds = Annotated[int, Field(ge=1, le=2**32 - 1)]
@@ -164,7 +166,10 @@ def _rounded(servo: Calibration, pulse_us: float) -> int:
 
 def is_table(path: Path) -> bool:
     """Return whether a file has the mark of a gait table."""
-    return re.search(rf'{MARK}"?: *\{{', read_text(path)) is not None
+    text = read_text(path, LARGEST_TEXT)
+    if text.lstrip().startswith("{"):
+        return f'"{MARK}"' in text
+    return _HEADER.search(text) is not None
 
 
 def read_table(path: Path) -> GaitTable:
@@ -173,7 +178,7 @@ def read_table(path: Path) -> GaitTable:
     Raises:
         GaitoptError: the file has no table, is of another version, or was changed after its export.
     """
-    header, pulses = _parts(read_text(path), path)
+    header, pulses = _parts(read_text(path, LARGEST_TEXT), path)
     version = header.get("format") if isinstance(header, dict) else None
     if version != FORMAT:
         raise bad_value(path, "format", version, f"{FORMAT}: export it again")

@@ -13,6 +13,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import csv_text, write_text
 from gaitopt.gait.gait import Gait
 from gaitopt.jobs.inputs import found_gait
+from gaitopt.jobs.outputs import writing
 from gaitopt.problem.model import build_model, carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.commands import servo_commands
@@ -58,11 +59,12 @@ def command(
     ratio = duration / dt * (1.0 - 1e-12)
     if not ratio <= _MOST_ROWS:
         raise GaitoptError(f"--dt: found {dt:g}; allowed: at most 50 million rows, not {ratio:.3g}")
-    problem = carrying(problem)
-    build_model(problem)  # the channels are the model's actuators in order
-    time: NDArray[np.float64] = np.arange(math.ceil(ratio), dtype=np.float64) * dt
-    targets = servo_commands(problem, found_gait(problem, gait), time)
-    table = CommandTable(time, dict(zip(problem.channel_names, targets.T, strict=True)))
-    if out is not None:
-        write_text(Path(out), table.to_csv())
+    with writing(problem, out):
+        problem = carrying(problem)
+        build_model(problem)  # the channels are the model's actuators in order
+        time: NDArray[np.float64] = np.arange(math.ceil(ratio), dtype=np.float64) * dt
+        targets = servo_commands(problem, found_gait(problem, gait), time)
+        table = CommandTable(time, dict(zip(problem.channel_names, targets.T, strict=True)))
+        if out is not None:
+            write_text(Path(out), table.to_csv())
     return table

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from gaitopt.gait.gait import Gait
 from gaitopt.jobs.inputs import check_positive, found_gait
+from gaitopt.jobs.outputs import writing
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import Simulator
@@ -59,10 +60,11 @@ def film(
 
     options = FilmOptions(measured=measured, seconds=seconds)
     check_film_request(path, options)
-    problem = carrying(problem)
-    found = [found_gait(problem, gait) for gait in gaits]
-    takes = takes_of(Simulator.build(problem), found, options)
-    write_film(Path(path), takes, end=seconds)
+    with writing(problem, path):
+        problem = carrying(problem)
+        found = [found_gait(problem, gait) for gait in gaits]
+        takes = takes_of(Simulator.build(problem), found, options)
+        write_film(Path(path), takes, end=seconds)
     return Path(path)
 
 

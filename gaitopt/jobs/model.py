@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gaitopt.core.files import write_text
+from gaitopt.jobs.outputs import writing
 from gaitopt.problem.model import carrying, nominal_mjcf
 from gaitopt.problem.problem import Problem
 
@@ -19,7 +20,8 @@ def model(problem: Problem, out: Path | str | None = None) -> str:
     Raises:
         GaitoptError: the model does not compile, or the file cannot be written.
     """
-    text = nominal_mjcf(carrying(problem))
-    if out is not None:
-        write_text(Path(out), text)
+    with writing(problem, out):
+        text = nominal_mjcf(carrying(problem))
+        if out is not None:
+            write_text(Path(out), text)
     return text

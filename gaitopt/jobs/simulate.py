@@ -10,6 +10,7 @@ from gaitopt.core.files import write_text
 from gaitopt.gait.gait import Gait
 from gaitopt.jobs.film import FilmOptions, check_film_request, takes_of
 from gaitopt.jobs.inputs import found_gait
+from gaitopt.jobs.outputs import writing
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
@@ -68,18 +69,19 @@ def simulate(
     """
     film = film or FilmOptions()
     check_film_request(video, film, view)
-    problem = carrying(problem)
-    gait = found_gait(problem, gait)
-    simulator = Simulator.build(problem)
-    takes = takes_of(simulator, [gait], film) if video is not None or view else []
-    trajectory = takes[0].trajectory if takes else simulator.run(gait)
-    if csv is not None:
-        write_text(Path(csv), simulator.observe(trajectory).to_csv())
-    metrics = measure(problem, gait, trajectory, Robot.of(simulator.models[0]))
-    if video is not None:
-        from gaitopt.report.film.film import write_film
+    with writing(problem, csv, video):
+        problem = carrying(problem)
+        gait = found_gait(problem, gait)
+        simulator = Simulator.build(problem)
+        takes = takes_of(simulator, [gait], film) if video is not None or view else []
+        trajectory = takes[0].trajectory if takes else simulator.run(gait)
+        if csv is not None:
+            write_text(Path(csv), simulator.observe(trajectory).to_csv())
+        metrics = measure(problem, gait, trajectory, Robot.of(simulator.models[0]))
+        if video is not None:
+            from gaitopt.report.film.film import write_film
 
-        write_film(Path(video), takes, end=film.seconds)
+            write_film(Path(video), takes, end=film.seconds)
     return Rollout(gait, trajectory, metrics, tuple(takes))
 
 

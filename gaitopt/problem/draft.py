@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -16,7 +15,7 @@ import mujoco
 import numpy as np
 
 from gaitopt.core.errors import GaitoptError, bad_value
-from gaitopt.core.files import write_text
+from gaitopt.core.files import read_bytes, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.problem.guesses import (
     GuessedChannel,
@@ -75,7 +74,7 @@ def make_problem(name: str, mjcf: Path, folder: Path) -> Draft:
         for file in files:
             target = folder / file.relative_to(mjcf.parent)
             target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file, target)
+            target.write_bytes(read_bytes(file))
         write_text(folder / PROBLEM_FILE, _text(name, mjcf.name, draft))
         nominal_mjcf(load_problem(folder))  # what was written must be a problem
     return draft
@@ -124,7 +123,9 @@ def _text(name: str, model: str, draft: Draft) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters["key"] = lambda key: key if re.fullmatch(_KEY, key) else json.dumps(key)
+    environment.filters["key"] = lambda key: (
+        key if re.fullmatch(_KEY, key) else json.dumps(key, ensure_ascii=False)
+    )
     environment.filters["toml"] = lambda value: json.dumps(value, ensure_ascii=False)
     count = len(draft.channels)
     channels = [asdict(one) | _first_wave(one, i, count) for i, one in enumerate(draft.channels)]

@@ -18,6 +18,8 @@ _ASSUMED_RANGE_DEG = (-45.0, 45.0)
 _DEFAULT_FRICTION = (0.005, 0.0001)
 """MuJoCo's default torsional and rolling friction, m."""
 
+_QUOTES = {"'", '"'}
+
 _LOWEST_SHARE = 0.1
 """Geoms within this share of the model's size above the lowest one count as lowest."""
 
@@ -137,10 +139,20 @@ def guess_parameters(
             sets = '{ "actuator/position/@forcerange" = "-{} {}" }'
             found["torque_limit"] = GuessedParameter(high, "N m", sets)
     frictions = {tuple(model.geom(name).friction.tolist()) for name in pads}
-    if len(frictions) == 1 and next(iter(frictions))[1:] == _DEFAULT_FRICTION:
-        paths = ", ".join(json.dumps(f".//geom[@name='{name}']/@friction") for name in pads)
+    if (
+        not any(set(name) >= _QUOTES for name in pads)
+        and len(frictions) == 1
+        and next(iter(frictions))[1:] == _DEFAULT_FRICTION
+    ):
+        paths = ", ".join(json.dumps(_path_of(name), ensure_ascii=False) for name in pads)
         found["mu_pads"] = GuessedParameter(frictions.pop()[0], "1", f"[{paths}]")
     return found
+
+
+def _path_of(geom: str) -> str:
+    """Return the XPath of a geom's friction. XPath has no escape: the name lacks one of `_QUOTES`."""
+    quote = '"' if "'" in geom else "'"
+    return f".//geom[@name={quote}{geom}{quote}]/@friction"
 
 
 def _marker(model: mujoco.MjModel) -> str:

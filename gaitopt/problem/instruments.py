@@ -11,6 +11,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.effects.active import RobotEffects
 from gaitopt.effects.added import is_added, transferred
 from gaitopt.effects.parts import Parts
+from gaitopt.problem.mjcf import spec_of
 from gaitopt.problem.model import assets_for, compile_for, nominal_mjcf
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.start import START
@@ -96,14 +97,14 @@ def build_instrumented(problem: Problem) -> InstrumentedRobot:
     if not effects.changes_robot:
         return InstrumentedRobot(nominal, tuple(signals), effects)
     assets = assets_for(problem, root)
-    spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"), assets=assets)
+    spec = spec_of(root, problem.model_path, assets)
     for key in list(spec.keys):
         spec.delete(key)
     effects.restructure(spec)
     spec.add_key(name=START)
     try:
         model = spec.compile()
-    except ValueError as error:
+    except (ValueError, RuntimeError) as error:
         raise GaitoptError(f"{problem.model_path}: with effects: {error}") from None
     model.key_qpos[0] = transferred(nominal.keyframe(START).qpos, nominal, model)
     unkept = [None] * (model.nsensordata - len(signals))

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from gaitopt.core.errors import GaitoptError, bad_value
-from gaitopt.core.files import inside
+from gaitopt.core.files import found_inside, inside
 
 PROBLEM_FILE = "problem.toml"
 """Name of the problem file in its folder."""
@@ -25,11 +25,12 @@ def problem_file(reference: str) -> Path:
     A folder without a problem file does not hide a bundled problem of the same name.
 
     Raises:
-        GaitoptError: there is no such problem.
+        GaitoptError: there is no such problem, or its file is a link out of the folder.
     """
     path = Path(reference)
-    if (path / PROBLEM_FILE).is_file():
-        return path / PROBLEM_FILE
+    found = found_inside(path, PROBLEM_FILE)
+    if found is not None:
+        return found
     if path.is_file():
         return path
     bundled = bundled_problems()
@@ -58,9 +59,12 @@ def model_file(problem_path: Path, name: str | None) -> Path:
         if not path.is_file():
             raise GaitoptError(f"{problem_path}: model: {path}: no such file")
         return path
-    found = sorted(folder.glob("*.xml"))
-    if len(found) != 1:
+    names = sorted(path.name for path in folder.glob("*.xml"))
+    if len(names) != 1:
         raise GaitoptError(
-            f"{folder}: found {len(found)} MJCF files (*.xml); allowed: exactly one, or `model`"
+            f"{folder}: found {len(names)} MJCF files (*.xml); allowed: exactly one, or `model`"
         )
-    return found[0]
+    path = found_inside(folder, names[0])
+    if path is None:
+        raise GaitoptError(f"{folder / names[0]}: no plain file, or a link to none")
+    return path

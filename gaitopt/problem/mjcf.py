@@ -5,34 +5,34 @@ from __future__ import annotations
 import os
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import mujoco
 
 from gaitopt.core.errors import GaitoptError, bad_value
-from gaitopt.core.files import inside, read_bytes, read_text
+from gaitopt.core.files import LARGEST_TEXT, MIB, inside, read_bytes, read_text
+from gaitopt.problem.limits import MAX_DEPTH, check_depth, check_limits
 
 _FILE_KEYS = ("file", *(f"file{side}" for side in ("right", "left", "up", "down", "front", "back")))
 """Attributes of MJCF elements that name a file; the sides are a cube texture's."""
 
-_PLACES = ("pos", "size", "fromto", "axis", "quat", "euler", "axisangle", "xyaxes", "zaxis", "vertex")
-"""Attributes of MJCF elements that say where something is, and how large."""
+LARGEST_ASSET = 64 * MIB
+"""A larger mesh, picture or attached model is refused, bytes; MuJoCo itself takes at most 10 MB of STL."""
 
-LARGEST = 1e10
-"""Numbers beyond this are refused: MuJoCo itself calls them bad in a robot's state."""
-
-MAX_DEPTH = 200
-"""Elements nested deeper than this are refused."""
+MOST_INCLUDES = 200
+"""Files that an MJCF may include."""
 
 
 def read_mjcf(path: Path) -> tuple[ET.Element, list[Path]]:
     """Return an MJCF with its includes resolved, and the files included, all from its own folder.
 
     Raises:
-        GaitoptError: a file is missing or broken, lies outside the folder, or is included twice.
+        GaitoptError: a file is missing, broken or too large, lies outside the folder, or is included twice.
     """
-    root, included = parse_mjcf(path, read_text(path)), [path]
-    _resolve_includes(root, path.parent, included)
+    root, included = parse_mjcf(path, read_text(path, LARGEST_TEXT)), [path]
+    _resolve_includes(root, path.parent, included, 0)
+    check_depth(root, path)
     return root, included[1:]
 
 
@@ -51,60 +51,99 @@ def parse_mjcf(path: Path, text: str, roots: Sequence[str] = ("mujoco",)) -> ET.
         raise GaitoptError(f"{path}: found a <!DOCTYPE>; allowed: elements and comments")
     try:
         root = ET.fromstring(text)
-    except ET.ParseError as error:
+    except (ET.ParseError, ValueError) as error:
         raise GaitoptError(f"{path}: broken XML: {error}") from None
     if root.tag not in roots:
         raise bad_value(path, "root element", root.tag, " or ".join(roots))
-    level, depth = list(root), 0
-    while level:
-        level, depth = [child for element in level for child in element], depth + 1
-        if depth > MAX_DEPTH:
-            raise GaitoptError(f"{path}: elements nested more than {MAX_DEPTH} deep")
+    check_depth(root, path)
     return root
 
 
-def _resolve_includes(element: ET.Element, folder: Path, included: list[Path]) -> None:
+def _resolve_includes(element: ET.Element, folder: Path, included: list[Path], depth: int) -> None:
     """Replace each include by the children of its file, which must lie in the problem's own folder."""
+    if depth > MAX_DEPTH:
+        raise GaitoptError(f"{folder}: elements and includes nested more than {MAX_DEPTH} deep")
     for index, child in reversed(list(enumerate(element))):
         if child.tag == "include":
-            name = child.get("file", "")
-            path = inside(folder, name)
-            if not name or path is None:
-                raise bad_value(folder, "include file", name, "a file inside the problem's folder")
-            if path.resolve() in [known.resolve() for known in included]:  # as MuJoCo has it
-                raise GaitoptError(f"{folder}: include file: {name} is included twice")
-            included.append(path)
-            content = parse_mjcf(path, read_text(path), ("mujocoinclude", "mujoco"))
-            _resolve_includes(content, folder, included)
+            content = _included(child.get("file", ""), folder, included)
+            _resolve_includes(content, folder, included, depth + 1)
             element.remove(child)
             for offset, grandchild in enumerate(content):
                 element.insert(index + offset, grandchild)
         else:
-            _resolve_includes(child, folder, included)
+            _resolve_includes(child, folder, included, depth + 1)
+
+
+def _included(name: str, folder: Path, included: list[Path]) -> ET.Element:
+    """Return the root element of a file that is included, and note its path."""
+    path = inside(folder, name)
+    if not name or path is None:
+        raise bad_value(folder, "include file", name, "a file inside the problem's folder")
+    if path.resolve() in [known.resolve() for known in included]:  # as MuJoCo has it
+        raise GaitoptError(f"{folder}: include file: {name} is included twice")
+    if len(included) > MOST_INCLUDES:
+        raise GaitoptError(f"{folder}: found more than {MOST_INCLUDES} includes; allowed: {MOST_INCLUDES}")
+    included.append(path)
+    return parse_mjcf(path, read_text(path, LARGEST_TEXT), ("mujocoinclude", "mujoco"))
 
 
 def compile_mjcf(root: ET.Element, path: Path, assets: Mapping[str, bytes]) -> mujoco.MjModel:
     """Return the model of an MJCF, given every file that it names.
 
     Raises:
-        GaitoptError: MuJoCo refuses it, or a length or position in it is beyond `LARGEST`.
+        GaitoptError: MuJoCo refuses it, or it does not pass `checked_text`.
     """
-    for element in root.iter():
-        for key in _PLACES:
-            if not all(abs(number) <= LARGEST for number in _numbers(element.get(key, ""))):
-                raise bad_value(path, f"{element.tag} {key}", element.get(key), f"at most {LARGEST:g}")
-    try:
-        return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"), dict(assets))
-    except ValueError as error:
-        raise GaitoptError(f"{path}: {error}") from None
+    text = checked_text(root, path, assets)
+    with _refusals(path):
+        return mujoco.MjModel.from_xml_string(text, dict(assets))
 
 
-def _numbers(text: str) -> list[float]:
-    """Return the numbers in a text, or none where a word is no number: MuJoCo reports that."""
+def spec_of(root: ET.Element, path: Path, assets: Mapping[str, bytes]) -> mujoco.MjSpec:
+    """Return an MJCF as MuJoCo edits it, given every file that it names.
+
+    Raises:
+        GaitoptError: MuJoCo refuses it, or it does not pass `checked_text`.
+    """
+    text = checked_text(root, path, assets)
+    with _refusals(path):
+        return mujoco.MjSpec.from_string(text, assets=dict(assets))
+
+
+def checked_text(root: ET.Element, path: Path, assets: Mapping[str, bytes]) -> str:
+    """Return the text of an MJCF as MuJoCo gets it, after the text itself was parsed and checked as a whole.
+
+    So it does not matter how the MJCF was edited before: MuJoCo reads no file that is not given to it, and
+    nothing without end.
+
+    Args:
+        root: the MJCF, its includes resolved.
+        path: where it lies, for messages.
+        assets: content of the files that it names, by the name that MuJoCo asks for.
+
+    Raises:
+        GaitoptError: the text has a document type or an include, names a file that is not given, or a number
+            in it is too large (see `limits.check_limits`).
+    """
+    check_depth(root, path)
+    text = ET.tostring(root, encoding="unicode")
+    parsed = parse_mjcf(path, text)
+    if parsed.find(".//include") is not None:
+        raise GaitoptError(f"{path}: found an <include> in what MuJoCo is to read; allowed: none")
+    folders = _asset_folders(parsed, path)
+    for element, key, name in _names_of_files(parsed):
+        if _asset_name(element, name, folders) not in assets:
+            raise bad_value(path, f"{element.tag} {key}", name, "a file in the problem's folder")
+    check_limits(parsed, path, assets)
+    return text
+
+
+@contextmanager
+def _refusals(path: Path) -> Iterator[None]:
+    """Turn what MuJoCo raises into an error of the file."""
     try:
-        return [float(word) for word in text.split()]
-    except ValueError:
-        return []
+        yield
+    except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
+        raise GaitoptError(f"{path}: {error or 'too little memory'}") from None
 
 
 def named_files(
@@ -125,18 +164,23 @@ def named_files(
     folder, places = mjcf.parent, _asset_folders(root, mjcf)
     assets = {}
     for element, key, name in _names_of_files(root):
-        place = places.get(element.tag, places["mesh"])
-        path = inside(folder, f"{place}{name}")
+        asked = _asset_name(element, name, places)
+        path = inside(folder, asked)
         if path is None or Path(name).is_absolute():
             data = None
         elif carried is not None:
             data = carried.get(path_from(folder, path))
         else:
-            data = read_bytes(path) if path.is_file() else None
+            data = read_bytes(path, LARGEST_ASSET) if path.is_file() else None
         if path is None or data is None:
             raise bad_value(mjcf, f"{element.tag} {key}", name, "a file in the problem's folder")
-        assets[f"{place}{name}"] = path, _alone(path, data) if element.tag == "model" else data
+        assets[asked] = path, _alone(path, data) if element.tag == "model" else data
     return assets
+
+
+def _asset_name(element: ET.Element, name: str, folders: Mapping[str, str]) -> str:
+    """Return the name by which MuJoCo asks for a file that an element names."""
+    return f"{folders.get(element.tag, folders['mesh'])}{name}"
 
 
 def _names_of_files(root: ET.Element) -> Iterator[tuple[ET.Element, str, str]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
@@ -15,6 +16,11 @@ from gaitopt.problem.mjcf import compile_mjcf, named_files, parse_mjcf, path_fro
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity, Parameter
 from gaitopt.problem.start import START, settled, start_targets
+
+_ATTRIBUTE = r"[A-Za-z_][\w.-]*"
+"""Name of an attribute of an MJCF. It is written as it stands, so it may not hold markup."""
+
+_MOST_DESCENTS = 2
 
 
 def nominal_mjcf(problem: Problem) -> str:
@@ -131,8 +137,10 @@ def _with_includes(problem: Problem) -> ET.Element:
 
 def _set_attribute(root: ET.Element, path: str, template: str, parameter: Parameter, source: str) -> None:
     xpath, separator, attribute = path.rpartition("/@")
-    if not separator:
+    if not separator or not re.fullmatch(_ATTRIBUTE, attribute, re.ASCII):
         raise bad_value(source, "path", path, "an XPath that ends in /@attribute")
+    if xpath.count("//") > _MOST_DESCENTS:  # each multiplies what is found: 200 nested elements, 1e16 ways
+        raise bad_value(source, "path", path, f"an XPath with // at most {_MOST_DESCENTS} times")
     try:
         elements = root.findall(xpath)
     except (SyntaxError, KeyError, TypeError, RecursionError):  # what ElementTree raises for a bad XPath

@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeVar
 import tomli_w
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.core.files import read_toml
+from gaitopt.core.files import found_inside, read_toml
 from gaitopt.core.validation import validated
 from gaitopt.effects.active import ActiveEffect, Values, active_effects
 from gaitopt.gait.gait import Gait, read_gait
@@ -184,9 +184,12 @@ class Problem:
             return self.baselines[reference]
         path = Path(reference)
         if path.is_dir():
-            path = path / "best.toml"
-            if not path.is_file():
-                raise GaitoptError(f"{path}: no such file; {reference} is not a finished run folder")
+            best = found_inside(path, "best.toml")
+            if best is None:
+                raise GaitoptError(
+                    f"{path / 'best.toml'}: no such file; {reference} is not a finished run folder"
+                )
+            path = best
         elif not path.exists():
             known = ", ".join(self.baselines) or "none"
             raise GaitoptError(

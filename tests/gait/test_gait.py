@@ -317,14 +317,14 @@ def test_a_file_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
     assert str(error.value) == f"{path}: not UTF-8 text (byte 17)"
     with pytest.raises(GaitoptError) as error:
         read_gait(tmp_path)
-    assert str(error.value) == f"{tmp_path}: cannot be read: Is a directory"
+    assert str(error.value) == f"{tmp_path}: found a folder; allowed: a plain file"
 
 
 def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(GaitoptError, match="cannot be written: No such file or directory"):
         write_gait(tmp_path / "missing" / "gait.toml", one_channel())
     (tmp_path / "gait.toml").mkdir()
-    with pytest.raises(GaitoptError, match="cannot be written: Is a directory"):
+    with pytest.raises(GaitoptError, match="cannot be written: found a folder"):
         write_gait(tmp_path / "gait.toml", one_channel())
     assert [path.name for path in tmp_path.iterdir()] == ["gait.toml"]
 

@@ -144,4 +144,4 @@ def test_one_core_is_enough(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 def test_read_toml_names_a_file_that_is_a_folder(tmp_path: Path) -> None:
-    assert "cannot be read: Is a directory" in refused(lambda: read_toml(tmp_path))
+    assert "found a folder; allowed: a plain file" in refused(lambda: read_toml(tmp_path))

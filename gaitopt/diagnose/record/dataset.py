@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.core.files import inside, read_toml
+from gaitopt.core.files import found_inside, inside, read_toml
 from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
 from gaitopt.core.validation import Name, validated
 from gaitopt.diagnose.record.tables import TextTable, read_csv
@@ -96,8 +96,8 @@ def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> Data
         GaitoptError: a file, key, column, unit, signal, channel or gait is wrong, or a recording goes back
             in time or is shorter than two blocks of its drive.
     """
-    path = folder / DATASET_FILE if folder.is_dir() else folder
-    if not path.is_file():
+    path = found_inside(folder, DATASET_FILE) if folder.is_dir() else folder
+    if path is None or not path.is_file():
         raise GaitoptError(f"{folder}: no {DATASET_FILE} there")
     file = validated(DataSetFile, read_toml(path), path)
     names = [entry.name for entry in file.trial]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import tomli_w
 from numpy.typing import ArrayLike
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.files import csv_text, write_text
+from gaitopt.core.files import csv_text, read_bytes, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.core.validation import validated
 from gaitopt.diagnose.record.cleaning import clean
@@ -128,7 +127,7 @@ def _gait_beside(folder: Path, gait: str) -> str:
         return gait
     if path.name == DATASET_FILE:
         raise GaitoptError(f"--gait: {path}: a data set has a file of this name; rename the gait's")
-    shutil.copyfile(path, folder / path.name)
+    (folder / path.name).write_bytes(read_bytes(path))
     return path.name
 
 

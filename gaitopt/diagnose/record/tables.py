@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError, found, unknown_name
 from gaitopt.core.files import read_text
+from gaitopt.core.numbers import number
 
 _LARGEST = 1e12
 """No camera, clock or servo gives a larger number, in any unit."""
@@ -54,8 +55,8 @@ class TextTable:
             raise unknown_name(self.source, "column", name, self.head)
         index = self.head.index(name)
         numbers = np.empty(len(self.rows))
-        for number, row in enumerate(self.rows):
-            numbers[number] = self._number(row[index], name, number)
+        for at, row in enumerate(self.rows):
+            numbers[at] = self._number(row[index], name, at)
         return numbers
 
     def _number(self, cell: str, name: str, row: int) -> float:
@@ -63,13 +64,13 @@ class TextTable:
         if text.lower() in _MISSING:
             return math.nan
         try:
-            number = float(text.replace(self.decimal, "."))
+            value = number(text.replace(self.decimal, "."))
         except ValueError:
-            number = math.inf
-        if not abs(number) <= _LARGEST:
+            value = math.inf
+        if not abs(value) <= _LARGEST:
             where = f"{self.source}: line {self.first_line + row}, column {name}"
             raise GaitoptError(f"{where}: found {found(cell)}; allowed: a number or nothing")
-        return number
+        return value
 
 
 def read_rows(path: Path, delimiter: str = ",", lines: int | None = None) -> list[list[str]]:
