@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
+from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import read_json
 from gaitopt.core.validation import validated
 from gaitopt.runs.folder import held, new_folder
@@ -59,7 +60,10 @@ def read_diagnosis(folder: Path) -> FinishedDiagnosis | None:
     if not path.is_file():
         return None
     content = read_json(path)
-    printed = validated(_Printed, content, path)
+    try:
+        printed = validated(_Printed, content, path)
+    except GaitoptError:
+        raise GaitoptError(f"{path}: not the answer of a diagnosis: changed since?") from None
     return FinishedDiagnosis(folder, printed.answer, printed.explanation, content)
 
 

@@ -252,7 +252,7 @@ def test_a_journal_with_a_coordinate_that_is_no_number_is_one_line(tmp_path: Pat
     evaluation = Evaluator(setting, SerialExecutor())([gait])[0].evaluation
     point[3] = np.nan
     Journal(path, problem).append([Entry(0, "test", point, gait, evaluation, 1.0)])
-    assert refused(lambda: Journal(path, problem)) == f"{path}: line 2: a coordinate that is no number"
+    assert refused(lambda: Journal(path, problem)) == f"{path}: line 2: a coordinate that is not a number"
 
 
 def test_what_a_file_says_cannot_steer_a_terminal(tmp_path: Path) -> None:
