@@ -33,8 +33,11 @@ SAMPLES = 64
 
 MARK = "gaitopt-table"
 
-_HEADER = re.compile(rf"^[ \t]*[#*] {MARK}: (\{{.*\}})", re.MULTILINE)
-"""A comment line that begins with the mark; names may hold the mark too, but they never begin a line."""
+_LINE = re.compile(rf"^[ \t]*[#*/]* ?{MARK}: (\{{.*)$", re.MULTILINE)
+"""A line that begins with the mark, as a comment. Names may hold the mark too, but none begins a line."""
+
+_JSON = re.compile(rf'^[\s\[{{]*"{MARK}"')
+"""The beginning of a JSON file whose first key is the mark."""
 
 _ROW = re.compile(r"^[ \t]*(\d[\d., ]*)$", re.MULTILINE | re.ASCII)
 
@@ -169,7 +172,7 @@ def is_table(path: Path) -> bool:
     text = read_text(path, LARGEST_TEXT)
     if text.lstrip().startswith("{"):
         return f'"{MARK}"' in text
-    return _HEADER.search(text) is not None
+    return (_JSON.match(text) or _LINE.search(text)) is not None
 
 
 def read_table(path: Path) -> GaitTable:
@@ -208,7 +211,7 @@ def _parts(text: str, path: Path) -> tuple[Any, list[list[int]]]:
         if text.lstrip().startswith("{"):
             values = json.loads(text)
             return values[MARK], [[int(pulse) for pulse in row] for row in values["pulses_us"]]
-        found = _HEADER.search(text)
+        found = _LINE.search(text)
         header = json.loads(found.group(1)) if found else None
         channels = len(header["gait"]["channels"]) if isinstance(header, dict) else 0
         rows = [row.rstrip(", ").split(",") for row in _ROW.findall(text, found.end() if found else 0)]
