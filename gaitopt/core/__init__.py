@@ -1,1 +1,1 @@
-"""What every other package uses: errors, files, folders, units, quantities and random streams."""
+"""What every other package uses: errors, files, units and random streams."""

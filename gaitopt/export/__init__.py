@@ -1,1 +1,1 @@
-"""Gait tables and players for servo boards: checked, replayed in simulation, then written."""
+"""Gait tables and players for servo boards, replayed in simulation first."""

@@ -1,4 +1,4 @@
-"""Jobs: each done from start to end in one place, for the command line and for scripts alike.
+"""Jobs: each in one place, for the command line and for scripts.
 
 Options are keywords with one meaning everywhere. `executor` and `workers` say where the work runs. `out` says
 where pages and folders are written; nothing is written without it. `resume` names the folder of an
