@@ -24,11 +24,11 @@ LARGEST = 1e10
 MAX_DEPTH = 200
 """Elements nested deeper than this are refused."""
 
-MOST_ELEMENTS = 10_000
+MOST_ELEMENTS = 5000
 """Elements of a model, after its replicates and attached models are written out. A robot has hundreds."""
 
-MOST_PIXELS = 2**26
-"""Pixels of all textures, and cells of all height fields: four pictures of 4096 x 4096."""
+MOST_PIXELS = 2**25
+"""Pixels of all textures, and cells of all height fields: two pictures of 4096 x 4096."""
 
 MOST_ASSET_BYTES = 256 * MIB
 """Bytes of all files that a model names."""
