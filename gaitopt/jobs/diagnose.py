@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ from gaitopt.diagnose import diagnosis as diagnosing
 from gaitopt.diagnose.diagnosis import Diagnosis, DiagnosisRequest
 from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.record.dataset import DataSet, load_dataset
+from gaitopt.diagnose.trial_gap import TrialGap
 from gaitopt.diagnose.words import answer, explanation
 from gaitopt.effects import EFFECTS
 from gaitopt.jobs.executor import opened
@@ -65,6 +66,21 @@ class DiagnosisRun:
         if self.fresh is None:
             raise GaitoptError(f"{self.folder}: finished before; see its {DIAGNOSIS_FILE}")
         return self.fresh
+
+    @property
+    def verdict(self) -> str:
+        """The kind of answer, such as ``explained``."""
+        return self.diagnosis.verdict
+
+    @property
+    def causes(self) -> Sequence[str]:
+        """Effects and defects of the recording that are blamed."""
+        return self.diagnosis.causes
+
+    @property
+    def trials(self) -> Sequence[TrialGap]:
+        """Each trial beside the nominal prediction."""
+        return self.diagnosis.trials
 
 
 @dataclass(frozen=True)

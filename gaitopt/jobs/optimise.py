@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
@@ -16,11 +16,12 @@ from gaitopt.jobs.executor import check_executor, opened
 from gaitopt.jobs.inputs import checked_seed
 from gaitopt.jobs.outputs import Out, Stopped, out_folder
 from gaitopt.optimise import run as search
-from gaitopt.optimise.journal import Journal, at_rung, ranked
+from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
 from gaitopt.optimise.recorder import OnSearchProgress
 from gaitopt.optimise.run import DEFAULT_BUDGET, Optimised, Request
 from gaitopt.optimise.sensitivity import sensitivities
 from gaitopt.optimise.stages import DEFAULT_METHOD, method_of
+from gaitopt.optimise.verification import Verified
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.folder import JOURNAL_FILE
@@ -53,6 +54,26 @@ class OptimiseRun:
         if self.fresh is None:
             raise GaitoptError(f"{self.folder}: finished before; see its best.toml and evaluations.csv")
         return self.fresh
+
+    @property
+    def best(self) -> Verified:
+        """The best gait, verified."""
+        return self.optimised.best
+
+    @property
+    def baselines(self) -> Sequence[Verified]:
+        """The hand-tuned gaits, verified."""
+        return self.optimised.baselines
+
+    @property
+    def entries(self) -> Sequence[Entry]:
+        """Every evaluation of the search, in order."""
+        return self.optimised.entries
+
+    @property
+    def found_by(self) -> str:
+        """The solver, or the baseline, that the best gait comes from."""
+        return self.optimised.found_by
 
 
 @dataclass(frozen=True)
