@@ -16,7 +16,7 @@ from gaitopt.export.gait_player import WALKING
 from gaitopt.export.replay import Replay
 from gaitopt.export.stages import player_of
 from gaitopt.gait.calibration import Calibration
-from gaitopt.gait.gait import Channel, Gait
+from gaitopt.gait.gait import Channel, Gait, write_gait
 from gaitopt.gait.table import GaitTable, is_table, read_table, sampled_deg
 from gaitopt.problem.problem import Problem
 
@@ -74,6 +74,32 @@ def made(strider: Problem) -> GaitTable:
     """The strider's first baseline, 64 samples."""
     servos = {name: channel.servo for name, channel in strider.file.channels.items()}
     return GaitTable.sample(strider.baselines["stride"], servos, [0.0, 0.0], 0.02, [0, 0])
+
+
+MARKS = (
+    'gaitopt-table: {"format": 1}',
+    "gaitopt-table: {}",
+    "gaitopt-table",
+    '"gaitopt-table": {',
+    "1, 2, 3",
+)
+
+
+@pytest.mark.parametrize("mark", MARKS)
+@pytest.mark.parametrize("name", FORMATS)
+def test_names_like_the_mark_of_a_table_are_names(
+    made: GaitTable, name: str, mark: str, tmp_path: Path
+) -> None:
+    """As the name of the gait, of a channel, and in a gait's own file."""
+    rear, front = made.gait.channels.values()
+    gait = Gait(made.gait.period_s, {mark: rear, "front": front}, mark)
+    servos = dict(zip(gait.channels, made.servos.values(), strict=True))
+    table = GaitTable.sample(gait, servos, [0.0, 0.0], 0.02, [0, 0])
+    path = exported(table, name, tmp_path)
+    assert is_table(path)
+    assert read_table(path) == table
+    write_gait(tmp_path / "gait.toml", gait)
+    assert not is_table(tmp_path / "gait.toml")
 
 
 @given(table=tables(), name=st.sampled_from(list(FORMATS)))
