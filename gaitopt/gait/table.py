@@ -33,7 +33,7 @@ SAMPLES = 64
 
 MARK = "gaitopt-table"
 
-_LINE = re.compile(rf"^[ \t]*[#*/]* ?{MARK}: (\{{.*)$", re.MULTILINE)
+_LINE = re.compile(rf"^[ \t]*[^\w\s\"']{{0,3}} ?{MARK}: (\{{.*)$", re.MULTILINE)
 """A line that begins with the mark, as a comment. Names may hold the mark too, but none begins a line."""
 
 _JSON = re.compile(rf'^[\s\[{{]*"{MARK}"')

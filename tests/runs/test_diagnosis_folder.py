@@ -30,5 +30,5 @@ def test_a_finished_diagnosis_is_read_back(tmp_path: Path) -> None:
     assert (finished.answer, finished.explanation) == ("No gap.", ("a", "b"))
     assert finished.content["seed"] == 1
     (tmp_path / DIAGNOSIS_FILE).write_text('{"answer": "No gap."}')
-    with pytest.raises(GaitoptError, match=r"diagnosis.json: explanation: missing"):
+    with pytest.raises(GaitoptError, match=r"diagnosis.json: not the answer of a diagnosis"):
         read_diagnosis(tmp_path)

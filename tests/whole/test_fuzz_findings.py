@@ -3,7 +3,6 @@
 import errno
 import json
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -179,11 +178,12 @@ def test_what_cannot_become_a_problem_leaves_nothing_behind(
     else:
         said = "cannot be written: No space left on device"
 
-        def full(source: Path, target: Path) -> None:
-            target.write_bytes(source.read_bytes()[:100])
+        def full(target: Path, data: bytes) -> int:
+            with target.open("wb") as file:
+                file.write(data[:100])
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-        monkeypatch.setattr(shutil, "copyfile", full)
+        monkeypatch.setattr(Path, "write_bytes", full)
     if existed:
         out.mkdir()
     code, err = run(capsys, "new", "bot", "--mjcf", mjcf, "--out", out)
@@ -204,6 +204,7 @@ def finished(tmp_path: Path) -> Path:
     with folder:
         (folder.path / "evaluations.csv").write_text("one\ntwo\n")
         folder.file("summary.json", lambda path: write_text(path, json.dumps(summary)))
+        folder.file("report.html", lambda path: write_text(path, "a page"))
     return tmp_path / "run"
 
 
