@@ -49,7 +49,8 @@ def add_executor(parser: Parser) -> None:
         "--executor",
         default="threads",
         metavar="NAME",
-        help="threads, processes, serial or dask://HOST:PORT (default: %(default)s)",
+        help="threads, processes, serial or dask://HOST:PORT, an address that you trust: what answers "
+        "there can run code here (default: %(default)s)",
     )
     parser.add_argument("--workers", type=int, metavar="N", help="rollouts at once (default: all cores)")
 

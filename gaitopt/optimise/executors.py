@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from gaitopt.core.errors import GaitoptError, nearest
-from gaitopt.optimise.cluster import DASK, DaskExecutor
+from gaitopt.optimise.cluster import DaskExecutor
+from gaitopt.optimise.handshake import DASK
 from gaitopt.optimise.processes import ProcessExecutor
 
 EXECUTORS = ("threads", "processes", "serial")

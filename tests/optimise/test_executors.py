@@ -21,7 +21,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import Stream
 from gaitopt.core.versions import versions_text
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.cluster import DaskExecutor
+from gaitopt.optimise.cluster import ClusterSettings, DaskExecutor
 from gaitopt.optimise.evaluator import Evaluator, Outcome, assess
 from gaitopt.optimise.executors import SerialExecutor, open_executor
 from gaitopt.optimise.processes import ProcessExecutor
@@ -234,7 +234,7 @@ def test_a_cluster_that_is_not_there_is_one_line(scheduler: str) -> None:
     before = _clients()
     for address in ("127.0.0.1:1", "nonsense", "127.0.0.1:port"):
         with pytest.raises(GaitoptError) as error:
-            DaskExecutor(address, answer_s=0.3)
+            DaskExecutor(address, ClusterSettings(answer_s=0.3))
         assert str(error.value) == f"--executor: no dask scheduler answers at dask://{address}"
         assert _clients() == before  # one left over would be collected, and lock another's start, later
     with pytest.raises(GaitoptError, match=r"--workers: found 2; dask:// works with the workers it has"):
