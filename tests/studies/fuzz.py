@@ -210,17 +210,18 @@ def page(report: dict) -> str:
     lines = [
         "# Fuzzing",
         "",
-        f"{report['cases']} broken or hostile inputs, generated: whole files of every kind that gaitopt "
-        "reads, one to four things wrong with most of them, command lines, and whole runs of commands on "
-        "such files, with few starts and samples. Each must end in success, or in exactly one line on "
-        f"standard error and exit 1 or 2, within {report['limit_s']:g} s (whole runs: "
-        f"{report['whole_limit_s']:g} s); must leave no half-written file; must change no input, and no file "
-        "of the user's unless it "
-        f"succeeds. **{verdict.capitalize()}.**",
+        f"{report['cases']} generated inputs, broken or hostile: files of every kind that gaitopt reads, most "
+        "with one to four errors, command lines, and complete runs of commands on such files, with few "
+        "starts and samples.",
+        "",
+        "Each case must succeed, or end with exactly one line on standard error and exit code 1 or 2, "
+        f"within {report['limit_s']:g} s (complete runs: {report['whole_limit_s']:g} s). It must leave no "
+        "half-written file and change no input. It may change a file of the user only if it succeeds. "
+        f"**{verdict.capitalize()}.**",
         "",
         "Made by `python tests/studies/fuzz.py --out results/fuzz` with "
-        f"{' and with '.join(report['made'].values())} on a busy core. What earlier runs found is in the "
-        "changelog; each of it has a test in `tests/whole/`.",
+        f"{' and with '.join(report['made'].values())} on a busy core. The changelog lists what earlier runs "
+        "found; each finding has a test in `tests/whole/`.",
         "",
         "| input | cases | success | one line, exit 1 | one line, exit 2 | otherwise | total [s] "
         "| longest [s] |",
@@ -232,8 +233,8 @@ def page(report: dict) -> str:
     rows = report["rows"]
     lines += [
         "",
-        f"A plain CSV file of {rows['rows']:,} rows is imported in {rows['seconds']:.0f} s and at most "
-        f"{rows['peak_gb']:.1f} GB, exit {rows['exit']}.",
+        f"A plain CSV file of {rows['rows']:,} rows is imported in {rows['seconds']:.0f} s with at most "
+        f"{rows['peak_gb']:.1f} GB of memory, exit code {rows['exit']}.",
     ]
     for row in report["wrong"]:
         lines += ["", f"- `{row['kind']}:{row['number']}`: {row['ended']}: `{row['words'].strip()[-200:]!r}`"]
