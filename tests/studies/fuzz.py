@@ -210,8 +210,8 @@ def page(report: dict) -> str:
     lines = [
         "# Fuzzing",
         "",
-        f"{report['cases']} generated inputs, broken or hostile: files of every kind that gaitopt reads, most "
-        "with one to four errors, command lines, and complete runs of commands on such files, with few "
+        f"{report['cases']} generated inputs, broken or hostile: files of every kind that gaitopt reads, "
+        "most with one to four errors, command lines, and complete runs of commands on such files, with few "
         "starts and samples.",
         "",
         "Each case must succeed, or end with exactly one line on standard error and exit code 1 or 2, "

@@ -75,9 +75,9 @@ def table(case: str, runs: dict[str, list[Run]], best: float) -> tuple[list[str]
     lines = [
         f"## {case}",
         "",
-        f"{CASES[case]} gaits a run; best known {-1e3 * best:.1f} mm/s. In each cell: runs that got there, "
-        "expected gaits, expected simulated seconds (with the plan's); where none got there, the seconds "
-        "that all of them spent.",
+        f"{CASES[case]} gaits per run; the best known is {-1e3 * best:.1f} mm/s. Each cell: number of runs "
+        "that reached the target, expected gaits, expected simulated seconds (plan included). If no run "
+        "reached it: the seconds that all of them spent.",
         "",
         "| method | runs | median end, mm/s | " + " | ".join(f"{share:.0%}" for share in TARGETS) + " |",
         "|---|---|---|" + "---|" * len(TARGETS),
