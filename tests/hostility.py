@@ -1,6 +1,8 @@
 """What tests of hostile files share."""
 
 import ast
+import os
+import stat
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -40,6 +42,18 @@ def with_element(folder: Path, element: str, where: str = "</worldbody>") -> Pro
     problem_folder(folder, STRIDER)
     edited(folder / "strider.xml", where, where + element)
     return load_problem(folder)
+
+
+def make_device(path: Path) -> Path:
+    """Make a device of one's own that is always empty: attacks never touch the machine's devices.
+
+    Code that fails such a test would replace ``/dev/null`` itself, where the tests run as root.
+    """
+    try:
+        os.mknod(path, stat.S_IFCHR | 0o666, os.makedev(1, 3))
+    except PermissionError:
+        pytest.skip("only root may make a device")
+    return path
 
 
 @cache

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from hostility import refused
+from hostility import make_device, refused
 
 from gaitopt.core import files
 from gaitopt.core.files import (
@@ -50,9 +50,9 @@ def odd_file(folder: Path, kind: str) -> Path:
         with socket.socket(socket.AF_UNIX) as made:
             made.bind(os.path.relpath(path))
     elif kind == "device":
-        path = Path("/dev/zero")
+        make_device(path)
     elif kind == "link to a device":
-        path.symlink_to("/dev/zero")
+        path.symlink_to(make_device(folder / "device"))
     elif kind == "link to a pipe":
         os.mkfifo(folder / "pipe")
         path.symlink_to("pipe")
@@ -98,9 +98,7 @@ def test_what_is_no_plain_file_is_not_replaced(tmp_path: Path, kind: str) -> Non
     victim = tmp_path / "victim"
     victim.write_text("precious")
     path = tmp_path / "odd.toml"
-    if kind == "device":
-        path = Path("/dev/null")
-    elif kind.startswith("a link"):
+    if kind.startswith("a link"):
         path.symlink_to("victim" if kind == "a link to a file" else "nothing")
     else:
         odd_file(tmp_path, kind)
