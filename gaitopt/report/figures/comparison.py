@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gaitopt.optimise.compare import ComparedGait
 from gaitopt.report.figures.style import BEST_COLOUR, COLOURS, finish, legend_below, name_rows, single_panel
-from gaitopt.report.letters import LONGEST_IN_LEGEND, drawable
+from gaitopt.report.letters import WIDEST_IN_LEGEND, drawable
 from gaitopt.runs.summary import GaitRow
 
 
@@ -60,7 +60,7 @@ def differences(rows: Sequence[ComparedGait]) -> Figure:
     name_rows(axes, places.tolist(), [row.name for row in others])
     axes.set_ylim(-0.6, len(others) - 0.4)
     axes.axvline(0.0, color="k", linewidth=0.8, linestyle="--")
-    name = drawable(rows[0].name, LONGEST_IN_LEGEND)
+    name = drawable(rows[0].name, WIDEST_IN_LEGEND)
     finish(axes, f"forward speed minus that of {name} [mm/s]", "", legend=False)
     legend_below(figure, axes, 2)
     return figure

@@ -27,7 +27,7 @@ from gaitopt.report.figures.style import (
     single_panel,
     stacked_panels,
 )
-from gaitopt.report.letters import LONGEST_IN_LEGEND, drawable
+from gaitopt.report.letters import WIDEST_IN_LEGEND, drawable
 from gaitopt.robot.signals import is_marker, name_of
 
 _SHOWN = 12
@@ -230,4 +230,4 @@ def _scale(name: str) -> float:
 
 
 def _label(name: str) -> str:
-    return f"{drawable(name_of(name), LONGEST_IN_LEGEND)} [mm]" if is_marker(name) else "angle [°]"
+    return f"{drawable(name_of(name), WIDEST_IN_LEGEND)} [mm]" if is_marker(name) else "angle [°]"

@@ -24,7 +24,7 @@ from gaitopt.report.figures.style import (
     plain_ticks,
     single_panel,
 )
-from gaitopt.report.letters import LONGEST_IN_LEGEND, drawable
+from gaitopt.report.letters import WIDEST_IN_LEGEND, drawable
 
 
 def convergence(entries: Sequence[Entry], baselines: Sequence[Verified]) -> Figure:
@@ -47,7 +47,7 @@ def convergence(entries: Sequence[Entry], baselines: Sequence[Verified]) -> Figu
             color="0.45",
             linestyle=style,
             linewidth=1.0,
-            label=drawable(baseline.gait.name, LONGEST_IN_LEGEND),
+            label=drawable(baseline.gait.name, WIDEST_IN_LEGEND),
         )
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     finish(axes, "gait evaluated", "forward speed [mm/s]", legend=False)
@@ -99,7 +99,7 @@ def front(entries: Sequence[Entry], found: Sequence[FrontGait], baselines: Seque
     for index, baseline in enumerate(baselines):
         axes.plot(
             1e3 * baseline.speed, _transport(baseline), MARKS[index % 5], color=COLOURS[index % 5],
-            label=drawable(baseline.gait.name, LONGEST_IN_LEGEND),
+            label=drawable(baseline.gait.name, WIDEST_IN_LEGEND),
         )  # fmt: skip
     axes.set_yscale("log")
     plain_ticks(axes.yaxis)
@@ -115,7 +115,7 @@ def _front_gaits(axes: Axes, gaits: Sequence[Verified], mark: str, label: str) -
         axes.plot(*zip(*points, strict=True), mark, color=BEST_COLOUR, markersize=6, label=label)
     for one, point in zip(gaits, points, strict=True):
         axes.annotate(
-            drawable(one.gait.name, LONGEST_IN_LEGEND),
+            drawable(one.gait.name, WIDEST_IN_LEGEND),
             point,
             fontsize=8,
             xytext=(4, 4),

@@ -28,6 +28,9 @@ BEST_COLOUR = "#d55e00"
 WIDTH = 6.0
 """Inches: the column of a printed page; on a phone, a page across, ten-point type is still legible."""
 
+_WIDEST_ROW = 4.0
+"""Inches of a name beside a row, at most: these leave some for what the row shows."""
+
 _MOST_POINTS = 2500
 """Points of a line, about; a printer can show no more."""
 
@@ -67,7 +70,8 @@ def name_panel(axes: Axes, name: str) -> None:
 
 def name_rows(axes: Axes, places: Sequence[float], names: Sequence[str], fontsize: float = 10.0) -> None:
     """Write names beside the rows of a panel."""
-    axes.set_yticks(places, [drawable(name) for name in names], fontsize=fontsize)
+    widest = 72.0 * _WIDEST_ROW / fontsize
+    axes.set_yticks(places, [drawable(name, widest) for name in names], fontsize=fontsize)
 
 
 def finish(axes: Axes, x: str, y: str, legend: bool = True) -> None:

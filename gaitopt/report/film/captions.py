@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cache
+from PIL import Image, ImageDraw
 
-from PIL import Image, ImageDraw, ImageFont
-
-from gaitopt.report.letters import font_file
+from gaitopt.report.letters import font as sized
 
 
 def length_text(metres: float, places: int = 1) -> str:
@@ -24,16 +22,11 @@ def write_lines(picture: Image.Image, above: str, below: str) -> None:
     draw = ImageDraw.Draw(picture, "RGBA")
     lines = (above, below)
     size = max(12, picture.height // 20)
-    font = _font(size)
+    font = sized(size)
     while size > 8 and max(draw.textlength(line, font=font) for line in lines) > picture.width - 16:
         size -= 1
-        font = _font(size)
+        font = sized(size)
     for line, y in zip(lines, (6, picture.height - 6 - round(1.5 * size)), strict=True):
         box = (6, y, 6 + draw.textlength(line, font=font) + 8, y + round(1.5 * size))
         draw.rectangle(box, fill=(255, 255, 255, 200))
         draw.text((10, y + round(0.15 * size)), line, fill=(20, 20, 20, 255), font=font)
-
-
-@cache
-def _font(size: int) -> ImageFont.FreeTypeFont:
-    return ImageFont.truetype(str(font_file()), size)
