@@ -17,7 +17,7 @@ HERE = (ROOT, ROOT / "tests", ROOT / "tests" / "optimise")
 
 @contextmanager
 def running_cluster(folder: Path) -> Iterator[str]:
-    """The address of a dask scheduler on loopback with two workers, each a process of its own."""
+    """The address of a dask scheduler on loopback with two workers, each its own process."""
     file = folder / "scheduler.json"
     begin = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
     work = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file)]

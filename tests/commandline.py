@@ -26,14 +26,14 @@ def strictly(text: str) -> Any:
 
 
 def without_clock(folder: Path) -> dict[str, Any]:
-    """A run's summary without the one figure that is a clock's."""
+    """A run's summary without the one figure that comes from a clock."""
     content = strictly((folder / "summary.json").read_text())
     assert content.pop("wall_s") > 0.0
     return content
 
 
 def refused(gaitopt: Run, *arguments: object) -> str:
-    """The one line that a command ends with; nothing half-written is left here or beside it."""
+    """The one line that a command ends with; no half-written file is left here or in the folder above."""
     before = {path for path in Path().resolve().parent.rglob("*") if "finished" not in path.parts}
     code, out, err = gaitopt(*arguments)
     assert code == 1

@@ -19,7 +19,7 @@ silence_warnings()  # as the command line does
 
 @pytest.fixture(autouse=True)
 def in_a_folder_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Every test works in an empty folder, where what it leaves behind shows."""
+    """Every test works in an empty folder, so that files that it leaves behind are seen."""
     folder = tmp_path_factory.mktemp("cwd")
     monkeypatch.chdir(folder)
     return folder
@@ -27,7 +27,7 @@ def in_a_folder_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch
 
 @pytest.fixture(scope="session")
 def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder for properties, whose many examples share it."""
+    """A folder for property tests; their many examples share it."""
     return tmp_path_factory.mktemp("scratch")
 
 
@@ -64,5 +64,5 @@ def quick(quick_folder: Path) -> Problem:
 
 @pytest.fixture(scope="session")
 def strider() -> Problem:
-    """A planar robot with two servos, no free joint, that strides along y."""
+    """A planar robot with two servos, without a free joint, that walks along y."""
     return load_problem(ROBOTS / "strider")

@@ -43,7 +43,7 @@ class Sampled:
 
 
 def wandering(channels: int, seconds: float, seed: int = 1) -> Sampled:
-    """Commands that wander at random between -0.5 and 0.5 rad, one row each 0.25 s; nothing repeats."""
+    """Random commands between -0.5 and 0.5 rad, one row every 0.25 s; nothing repeats."""
     time = np.arange(0.0, seconds + 1e-9, 0.25)
     rows = np.random.default_rng(seed).uniform(-0.5, 0.5, (len(time), channels))
     rows[0] = 0.0

@@ -21,7 +21,7 @@ def table_of(problem: Problem, gait: Gait, slew: int = 0, samples: int = 64) -> 
 
 
 def leaning(offset_deg: float, amplitude_deg: float) -> Gait:
-    """A strider's gait whose rear leg goes where it is told."""
+    """A strider's gait with a given motion of the rear leg."""
     return Gait(
         0.5,
         {

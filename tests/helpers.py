@@ -1,4 +1,4 @@
-"""What several test files need: copies of problem folders, and gaits at their simplest."""
+"""What several test files need: copies of problem folders, and simple gaits."""
 
 import functools
 import math
@@ -45,7 +45,7 @@ def complaint(reference: Path | str) -> str:
 
 
 def edited(path: Path, old: str, new: str) -> Path:
-    """Replace a text that must be in a file."""
+    """Replace a text in a file, which must contain it."""
     text = path.read_text()
     assert old in text, f"{old!r} is not in {path}"
     path.write_text(text.replace(old, new))

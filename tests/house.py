@@ -1,4 +1,4 @@
-"""The house as it stands: packages, their imports and the picture of both in docs/architecture.svg.
+"""The packages, their imports, and the picture of both in docs/architecture.svg.
 
     python tests/house.py
 
@@ -50,7 +50,7 @@ def package_imports(packages: Sequence[str]) -> dict[str, set[str]]:
 
 
 def reduced(imports: Mapping[str, set[str]]) -> list[tuple[str, str]]:
-    """The imports that no chain of other imports stands for: importer, imported."""
+    """The imports that no chain of other imports implies: importer, imported."""
 
     def reach(name: str) -> set[str]:
         return imports[name].union(*(reach(other) for other in imports[name]))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 def page_of(folder: Path, names: set[str]) -> str:
-    """The page of a folder, once it is seen to be whole."""
+    """The page of a folder, after a check that it is complete."""
     page = (folder / "report.html").read_text()
     assert {path.stem for path in (folder / "figures").iterdir()} == names
     assert page.count("<figure>") == page.count("data:image/") == page.count("<figcaption>") == len(names)

@@ -1,4 +1,4 @@
-"""Made-up trials with a planted gap, simulated with another integrator than the diagnosis uses."""
+"""Synthetic trials with a planted gap, simulated with another integrator than the diagnosis uses."""
 
 from __future__ import annotations
 

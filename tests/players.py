@@ -118,7 +118,7 @@ def with_script(folder: Path) -> Path:
 
 @cache
 def expected() -> str:
-    """What the Python player, which the replay in simulation uses, makes of the script."""
+    """The answer of the Python player, which the replay in simulation uses, to the script."""
     sys.modules.setdefault("gait_player", gait_player)
     sys.path.insert(0, str(HERE))
     try:
@@ -162,4 +162,4 @@ MALFORMED = [
     ((1_000_000, 20_000, (GOOD,), (1500, float("inf"))), "PULSES_US: found inf; allowed: 0 to 65535"),
     ((1_000_000, 20_000, (GOOD,), ("1500",)), "PULSES_US: found '1500'; allowed: 0 to 65535"),
 ]
-"""Tables that nobody can play, and what a player says of each."""
+"""Tables that cannot be played, and the message of a player for each."""

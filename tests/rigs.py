@@ -1,4 +1,4 @@
-"""Small test rigs: one mechanism each, in a problem folder of its own."""
+"""Small test rigs: one mechanism each, in its own problem folder."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Make = Callable[..., Problem]
 IDLE = """
 <body name="idle" pos="0 0 5"><joint name="idle" type="hinge" axis="0 1 0" armature="1e-4" damping="0.01"/>
 <geom type="sphere" size="0.001" mass="1e-6" contype="0" conaffinity="0"/></body>"""
-"""A servo that does nothing, for rigs whose subject has none."""
+"""A servo without effect, for rigs that need none."""
 
 IDLE_SERVO = '<position name="turn" joint="idle" kp="1" forcerange="-1 1"/>'
 

@@ -1,4 +1,4 @@
-"""Searches as the main job makes them, without a run folder."""
+"""Searches like those of the main job, without a run folder."""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ def run(
 
 
 def summary(problem: Problem, optimised: Optimised) -> str:
-    """The summary without the one figure that is a clock's."""
+    """The summary without the one figure that comes from a clock."""
     content = Summary.of(problem, optimised).to_dict()
     assert content.pop("wall_s") > 0.0
     return to_json(content)

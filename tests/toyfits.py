@@ -21,7 +21,7 @@ def toy_trials(
     channels: Sequence[str] = ("servo",),
     trials: int = 1,
 ) -> TrialSet:
-    """Rows in blocks of one trial, two folds of them; or of more trials, each a fold."""
+    """Rows of one trial in two folds, or of several trials with one fold each."""
     none, of_rows = np.zeros(0, dtype=np.intp), np.repeat(np.arange(blocks), rows // blocks)
     folds = tuple(np.array_split(np.arange(blocks), max(2, trials)))
     of_trials = np.repeat(np.arange(trials), blocks // trials)
@@ -30,7 +30,7 @@ def toy_trials(
 
 
 def toy_comparison(at: ArrayLike, whitened: np.ndarray) -> Comparison:
-    """A robot that leaves some whitened residual, and no samples."""
+    """A robot with a given whitened residual, and no samples."""
     return Comparison(np.asarray(at, dtype=float), whitened, np.empty(0), np.empty(0))
 
 

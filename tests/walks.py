@@ -1,4 +1,4 @@
-"""Made-up recordings of a walk, for tests that need no simulation."""
+"""Synthetic recordings of a walk, for tests that need no simulation."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ def with_samples(trial: Trial, flags: Flags, shift: float) -> Trial:
 def simulated(
     x: Callable[[Series], Series] = steps, z: Callable[[Series], Series] = heights, duration: float = 16.0
 ) -> Trajectory:
-    """The walk as a right model predicts it."""
+    """The walk as a correct model predicts it."""
     time = np.arange(0.0, duration, 1e-3)
     return Trajectory(time, {"marker.x": x(time), "marker.z": z(time)})
 
 
 def wave(time: Series, size: float = 1.0, drift: float = 0.0, delay: float = 0.0) -> Series:
-    """Strides with 20 mm of travel a cycle and 8 mm of swing, and drift in m per cycle besides."""
+    """Strides with 20 mm of travel per cycle and 8 mm of swing, and additional drift, m per cycle."""
     turns = (time - delay) / GAIT.period_s
     return size * (0.02 * turns + 0.008 * np.sin(2.0 * np.pi * turns)) + drift * time / GAIT.period_s

@@ -1,4 +1,4 @@
-"""The record of diagnoses on sealed cases counts what it says."""
+"""The record of diagnoses on sealed cases: its counts are right."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""`gaitopt check`: planted defects are found, and none where there is none."""
+"""`gaitopt check`: planted defects are found, and a good robot has none."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a person sees on the terminal while a job goes on."""
+"""What a person sees on the terminal while a job runs."""
 
 from gaitopt.cli.progress import _time_left
 from gaitopt.optimise.recorder import SearchProgress

@@ -1,4 +1,4 @@
-"""`gaitopt optimise --resume`: to the bits of an uninterrupted run."""
+"""`gaitopt optimise --resume`: the same bits as an uninterrupted run."""
 
 import shutil
 import tomllib
@@ -73,7 +73,7 @@ def test_resuming_a_finished_run_prints_its_result(gaitopt: Run, finished: Path)
 def test_a_run_stopped_while_it_wrote_its_report_is_not_finished(
     gaitopt: Run, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Resuming it gives the report, too."""
+    """A resumed run writes the report, too."""
 
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt

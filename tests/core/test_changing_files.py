@@ -27,7 +27,7 @@ READS = 40
 
 @contextmanager
 def rewritten(path: Path, one: bytes, other: bytes, whole: bool) -> Iterator[None]:
-    """Rewrite a file all the while: in place, or `whole`, by a rename."""
+    """Rewrite a file again and again: in place or, if `whole`, by a rename."""
     done = threading.Event()
 
     def write() -> None:
@@ -50,7 +50,7 @@ def rewritten(path: Path, one: bytes, other: bytes, whole: bool) -> Iterator[Non
 
 
 def check_reads(path: Path, old: str, new: str, read: Callable[[], Any], whole: bool) -> None:
-    """Every read of a file that changes all the while gives one of its contents, or one clear line."""
+    """Every read of a file that keeps changing gives one of its contents, or one clear line."""
     one = path.read_bytes()
     other = one.replace(old.encode(), new.encode())
     found = []
@@ -145,7 +145,7 @@ def test_what_changed_while_it_was_read_is_one_line(tmp_path: Path, monkeypatch:
 def test_a_command_reads_its_model_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A model that was saved again during a search was another robot in its later stages."""
+    """A model that was saved again during a search became another robot in later stages."""
     for module, name, value in brief_studies():
         monkeypatch.setattr(module, name, value)
     folder = problem_folder(tmp_path / "robot", STRIDER)

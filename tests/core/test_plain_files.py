@@ -1,4 +1,4 @@
-"""Only plain files are read, up to a size; only plain files are replaced, and never what was read."""
+"""Only plain files are read, up to a size; only plain files are replaced, and never an input file."""
 
 import os
 import signal
@@ -27,7 +27,7 @@ from gaitopt.core.numbers import number, whole_number
 
 @pytest.fixture(autouse=True)
 def in_time() -> Iterator[None]:
-    """A read that waits is a failure."""
+    """A read that waits fails the test."""
 
     def fail(*_: object) -> None:
         raise TimeoutError("it waits")
@@ -130,7 +130,7 @@ def test_another_name_of_a_replaced_file_keeps_its_content(tmp_path: Path) -> No
 
 @contextmanager
 def as_nobody(folder: Path) -> Iterator[None]:
-    """Give up what root may do, where the tests run as root."""
+    """Give up the rights of root, if the tests run as root."""
     users = os.getresuid()
     if users[0] == 0:
         os.chown(folder, 65534, -1)

@@ -1,4 +1,4 @@
-"""Units at the edges: a column's suffix says its scale."""
+"""Units in files: a column's suffix gives its scale."""
 
 from __future__ import annotations
 

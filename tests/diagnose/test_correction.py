@@ -1,4 +1,4 @@
-"""The corrected robot beside the nominal one: the same gaits, on both."""
+"""The corrected and the nominal robot, compared on the same gaits."""
 
 import math
 

@@ -30,7 +30,7 @@ HARDWARE = Path(
 
 @pytest.fixture(scope="module")
 def trials(arcfold: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two short trials that a diagnosis is quick to read."""
+    """Two short trials that are quick to diagnose."""
     simulator = Simulator.build(arcfold, (Scenario(start_pose_rad=0.002, pose_seed=3),))
     columns = recording_of(simulator.run(arcfold.baselines["square-1s"], duration=4.0))
     return dataset(tmp_path_factory.mktemp("data") / "trials", {"fast": ("square-1s", columns)})

@@ -1,4 +1,4 @@
-"""Causes planted by other numerics are found again, with their parameters, and the same every time."""
+"""Causes planted with other numerics are found with their parameters, and the same every time."""
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -89,7 +89,7 @@ def test_what_is_not_tried_is_not_found(simulator: Simulator, tmp_path: Path) ->
 def test_late_commands_and_a_late_clock_are_one_answer(
     simulator: Simulator, tmp_path: Path, delay: float
 ) -> None:
-    """However short: the clock's range is five times the other, and is searched as finely."""
+    """Even a short delay: the clock's range is five times as wide, and is searched as finely."""
     planted = {"command_latency": {"delay_s": delay}}
     among = ("command_latency", "clock_offset", "servo_gain")
     found = diagnosed(simulator, tmp_path, planted, among, gaits=("square-1s",))

@@ -1,4 +1,4 @@
-"""ArcFold's parts, and what it does without effects."""
+"""ArcFold's parts, and its motion without effects."""
 
 import pytest
 

@@ -53,7 +53,7 @@ def test_every_effect_can_be_switched_on_in_a_problem_file(
 
 
 AT_REST = [p for p in ALL if p.id not in ("ground_slope", "tether_drag")]
-"""All but a robot that is pulled, which creeps."""
+"""Every effect, except on a robot that is pulled: it creeps."""
 
 
 @pytest.mark.parametrize("effect", AT_REST)
@@ -97,7 +97,7 @@ def test_scenarios_act_on_a_robot_with_effects(arcfold: Problem) -> None:
 
 
 def test_start_pose_errors_are_those_of_the_nominal_robot(arcfold: Problem) -> None:
-    """Servo and link move together: an error of the pose is not one of the free play."""
+    """Servo and link move together: an error of the pose is not free play."""
     affected = arcfold.with_effects({"servo_backlash": {"half_width_rad": 0.001}})
     gait, scenarios = still(arcfold), (NOMINAL, Scenario(start_pose_rad=0.005, pose_seed=3))
     moved = []
@@ -113,7 +113,7 @@ def test_start_pose_errors_are_those_of_the_nominal_robot(arcfold: Problem) -> N
 
 
 def test_a_loop_s_model_is_its_run_s_own(arcfold: Problem) -> None:
-    """Runs after one another are the same, whatever the loop left behind."""
+    """Two runs in a row are the same; nothing is left over from the first."""
     simulator = Simulator.build(
         arcfold.with_effects({"servo_sag": {"share_lost": 0.5}, "friction_direction": {"ratio": 1.5}})
     )

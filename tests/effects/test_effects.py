@@ -97,7 +97,7 @@ def test_an_effect_is_one_record_and_one_registration(
 
 
 def test_the_diagnosis_asks_an_effect_and_no_list(nominal: Parts) -> None:
-    """What the record shows is not fitted; a shifted start is fitted only where the start is known."""
+    """A value that the recording gives is not fitted; a shift of the start only if the start is known."""
     tried = {
         known: {h.effect for h in hypotheses(nominal, nominal.channels, known)} for known in (True, False)
     }
@@ -127,7 +127,7 @@ def test_a_neutral_value_changes_no_bit(
 def test_a_value_close_to_neutral_changes_little(
     effect: Effect, arcfold: Problem, nominal: Parts, reference: Trajectory
 ) -> None:
-    """What an effect adds to model and loop must not be an effect of its own."""
+    """The elements that an effect adds must have no effect by themselves."""
     _low, high = effect.bounds(nominal)
     neutral = effect.neutral_value(nominal)
     value = (

@@ -1,4 +1,4 @@
-"""What camera, tracker and clock do to a path that is known."""
+"""Effects of camera, tracker and clock on a known path."""
 
 import math
 

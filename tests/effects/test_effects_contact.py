@@ -1,4 +1,4 @@
-"""Each effect of contact, slope, mass and shape where its answer is known: a sled on two runners, an arm."""
+"""Each effect of contact, slope, mass and shape in a case with a known answer: a sled on runners, an arm."""
 
 import itertools
 import math
@@ -106,7 +106,7 @@ def slides_beyond(rig: rigs.Make, direction: tuple[int, int], coefficient: float
     """Check that the sled, of coefficient 0.2, slides at a pull beyond this one and sticks below it."""
     roles = {"pads": effects.pop("pads", ["front", "rear"]), "body": effects.pop("body", [])}
     forward = effects.pop("forward", [1, 0, 0])
-    within = 0.06 if "friction_load" in effects else 0.02  # m/s^2; a power of a force that chatters
+    within = 0.06 if "friction_load" in effects else 0.02  # m/s^2; power of a force that chatters
     axis = "x" if direction[0] else "y"
     sign = sum(direction)
     for excess in (EXCESS, -EXCESS):

@@ -1,4 +1,4 @@
-"""Each hinge effect where its answer is known: two flaps on springs, left and right, under their weight."""
+"""Each hinge effect in a case with a known answer: two flaps on springs, left and right."""
 
 import itertools
 import math
@@ -67,7 +67,7 @@ def test_dry_friction_above_the_load_holds_still(rig: rigs.Make) -> None:
 
 
 def test_dry_friction_below_the_load_takes_its_share_of_it(rig: rigs.Make) -> None:
-    """A flap that comes down slowly stops where spring and friction carry it."""
+    """A flap that sinks slowly stops where spring and friction hold it."""
     problem = rig(rigs.flaps(damping=0.3, qpos="0 0 0"), settle=False)
     friction = 0.4 * LOAD
     angle, torque = sagged(rigs.hold(problem, 0.0, 12.0, hinge_friction={"torque_n_m": friction}))
@@ -82,7 +82,7 @@ def test_a_yielding_hinge_gives_way_until_it_carries_its_yield_torque(rig: rigs.
 
 
 def test_a_yielding_hinge_loses_the_area_of_its_loop(rig: rigs.Make) -> None:
-    """An ideal elasto-plastic spring driven to +-A loses 4 T (A - T / k) a cycle."""
+    """An ideal elasto-plastic spring driven to +-A loses 4 T (A - T / k) per cycle."""
     driven = """
 <mujoco><option gravity="0 0 0"/><worldbody><body name="left" pos="0 0 1">
 <joint name="left" type="hinge" axis="0 1 0" stiffness="0.2" damping="1e-4" armature="1e-3"/>

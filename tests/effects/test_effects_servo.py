@@ -1,4 +1,4 @@
-"""Each servo effect where its answer is known: an arm on one servo, a step, a stall."""
+"""Each servo effect in a case with a known answer: an arm on one servo, a step, a stall."""
 
 import itertools
 import math
@@ -141,7 +141,7 @@ def test_a_latency_of_50_ms_shows_at_50_ms(rig: rigs.Make, name: str) -> None:
 @pytest.mark.parametrize("gait", ["square-2s", "square-1s"])
 @pytest.mark.parametrize("other", [{}, {"servo_speed_limit": {"limit_rad_s": 6.0}}])
 def test_a_latency_is_a_late_motion_by_any_time(arcfold: Problem, gait: str, other: dict[str, Any]) -> None:
-    """Square waves saturate a servo, so that it answers to a part of a jump as to the whole of it."""
+    """Square waves saturate a servo, so its response to a part of a jump is that to the whole jump."""
     walk = arcfold.baselines[gait]
     prompt = Simulator.build(arcfold.with_effects(other)).run(walk, duration=1.5)
     for delay in (0.0102, 0.0107):
@@ -156,7 +156,7 @@ def test_a_latency_is_a_late_motion_by_any_time(arcfold: Problem, gait: str, oth
 
 @pytest.mark.parametrize("other", [{}, {"servo_speed_limit": {"limit_rad_s": 6.0}}])
 def test_one_late_servo_at_rest_is_late_by_any_time(arcfold: Problem, other: dict[str, Any]) -> None:
-    """Each tenth of a millisecond shows, by as much: the joint's turn begins at rest."""
+    """Each tenth of a millisecond has the same effect, because the joint begins at rest."""
     walk = arcfold.baselines["square-2s"]
 
     def late(delay: float) -> Trajectory:

@@ -1,4 +1,4 @@
-"""`gaitopt export`: what it checks, what it says, and what it leaves behind."""
+"""`gaitopt export`: its checks, its messages and its files."""
 
 import json
 from concurrent.futures import Executor

@@ -1,4 +1,4 @@
-"""What the servos can do of a gait: ranges, pins, start pose and lag."""
+"""What servos can do: ranges, pins, start pose and lag."""
 
 from concurrent.futures import Executor
 from pathlib import Path

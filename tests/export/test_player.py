@@ -1,4 +1,5 @@
-"""The exported player: any table, any clock, the same pulses in C and Python, within every servo's limits.
+"""The exported player: for any table and any clock, C and Python send the same pulses, within every servo's
+limits.
 
 Compilers that are not installed are skipped; .ci/run installs them.
 """
@@ -101,7 +102,7 @@ def test_any_table_any_clock_same_pulses_within_range_and_slew(
 def test_a_million_random_ticks_stay_within_range_and_slew(tmp_path: Path) -> None:
     """On tables of any content, with clock wraps, new periods in mid-cycle, start and stop at any moment.
 
-    Every fourth table cannot be played, in each of eight ways: it is refused, and nothing is ever sent of it.
+    Every fourth table cannot be played, in each of eight ways: it is refused, and nothing of it is sent.
     """
     compiler = tool("gcc")
     folder = exported(tmp_path, "c")
@@ -121,7 +122,7 @@ def test_a_table_that_cannot_be_played_is_refused_in_python(made: tuple, said: s
 
 
 def test_what_python_refuses_c_does_not_play(library: ctypes.CDLL) -> None:
-    """Those that C can be given at all: no number of them is a fraction, or out of its type's range."""
+    """Only tables that C can hold: no number is a fraction or out of its type's range."""
     for made, _ in IN_ANY_LANGUAGE:
         player = CPlayer(library, *made)
         player.start(0)

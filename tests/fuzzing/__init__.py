@@ -1,6 +1,6 @@
-"""Broken and hostile input, generated: whole files and mutations of them, and what must hold of each.
+"""Generated broken and hostile input: complete files and mutations of them, and what must hold for each.
 
-A case is made from its seed, kind and number alone, so any can be made again. It is a command line, or
+A case depends only on its seed, kind and number, so it can be made again. It is a command line, or
 a reader called directly, in a folder of files of which some are broken. It must end in success or in
 one clear line, and must leave no half-written file and no changed input behind.
 """

@@ -70,7 +70,7 @@ def mjcf_content(rng: random.Random, folder: Path) -> Case:
     (path.parent / "parts").write_bytes(broken(rng, b'<mujocoinclude><site name="more"/></mujocoinclude>'))
     (path.parent / "wedge.obj").write_bytes(broken(rng, b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\n"))
     root = changed_xml(rng, ET.parse(path).getroot())
-    # What is no XML is another kind's; what is left out here cannot be written as XML.
+    # Text that is not XML belongs to another kind; what is left out here cannot be written as XML.
     text = re.sub(r"[\x00-\x08\x0b\x0c\x0e-\x1f]", "", ET.tostring(root, encoding="unicode"))
     path.write_text(text, encoding="utf-8")
     return Case(rng.choice([commands_on(rng, "robot"), ["new", "bot", "--mjcf", str(path), "--out", "out"]]))
@@ -200,7 +200,7 @@ def data_set(rng: random.Random, folder: Path) -> Case:
 
 
 def run_folder(rng: random.Random, folder: Path) -> Case:
-    """A finished run, something in it broken: looked at, walked, or asked to go on."""
+    """A finished run with something broken: read, simulated, or resumed."""
     run = folder / "run"
     for name, data in finished_run().items():
         path = run / name
@@ -227,7 +227,7 @@ def run_folder(rng: random.Random, folder: Path) -> Case:
 
 
 def journal(rng: random.Random, folder: Path) -> Case:
-    """A journal, torn or edited: replayed whole, or refused in one line."""
+    """A journal that was cut or edited: replayed completely, or refused in one line."""
     path = folder / "evaluations.csv"
     data = finished_run()["evaluations.csv"]
     if rng.random() < 0.5:
@@ -244,7 +244,7 @@ def journal(rng: random.Random, folder: Path) -> Case:
 
 
 def command_line(rng: random.Random, folder: Path) -> Case:
-    """Any command with any values; what would start a long search is stopped by its folder."""
+    """Any command with any values; a long search is prevented by a folder that is not empty."""
     (folder / "full").mkdir()
     (folder / "full" / "mine.txt").write_text("mine")
     (folder / "out.csv").write_text("mine")
@@ -347,7 +347,7 @@ def command_line(rng: random.Random, folder: Path) -> Case:
 
 
 def written_over(rng: random.Random, folder: Path) -> Case:
-    """A file of the user's stands where the answer goes: replaced whole, or left alone."""
+    """The output path holds a file of the user: it is replaced completely, or not changed."""
     (folder / "out.csv").write_text("mine")
     (folder / "out.xml").write_text("mine")
     path = strider_in(folder) / "problem.toml"

@@ -28,7 +28,7 @@ def problem() -> Problem:
 
 
 def gait_of(rng: random.Random) -> Gait:
-    """Return a gait of any shape that a file may hold, within the servos' range or not."""
+    """Return any gait that a file can hold, inside or outside the servos' range."""
     low, high = rng.choice([(-45.0, 45.0), (-90.0, 90.0)])
     channels = {}
     for name in problem().channel_names:
@@ -58,7 +58,7 @@ def table_text(gait: Gait, name: str) -> str:
 
 
 def motion(rng: random.Random) -> list[tuple[float, float, float]]:
-    """Return time, x and z of a marker that goes forward in steps, sometimes badly filmed."""
+    """Return time, x and z of a marker that moves forward in steps, sometimes badly filmed."""
     frame, rows = rng.choice([0.02, 0.04, 1 / 30]), []
     for index in range(rng.choice([1, 2, 3, 12, 60])):
         t = index * frame

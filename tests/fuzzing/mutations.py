@@ -45,7 +45,7 @@ NAMES = [
     ),
     *("a,b", "a;b", "a\tb", "a.b", "[x]", "a=b", "# x", "'''", '"""', "\x7f", "\x1b[31m", "None", "nan"),
 ]
-"""Names that end a comment, a string, a path, a table cell or a screen."""
+"""Names that could end a comment, string, path or table cell, or control a terminal."""
 
 VALUES: list[Any] = [
     *(
@@ -70,7 +70,7 @@ VALUES: list[Any] = [
 
 
 def broken(rng: random.Random, data: bytes) -> bytes:
-    """Return a file with one to four things wrong with it, now and then with none."""
+    """Return a file with one to four errors, sometimes with none."""
     for _ in range(rng.choice([0, 1, 1, 1, 1, 2, 2, 3, 4])):
         data = rng.choice(BREAKERS)(rng, data)
     return data

@@ -21,10 +21,10 @@ from gaitopt.cli import app as cli
 from gaitopt.core.errors import GaitoptError
 
 LIMIT_S = 20.0
-"""A case that takes longer hangs; on a free core one takes a hundredth of a second."""
+"""A case that takes longer counts as hanging; on a free core a case takes 0.01 s."""
 
 WHOLE_LIMIT_S = 300.0
-"""The same for a whole run of a command, with its figures and its page."""
+"""The same for a complete run of a command, with its figures and its page."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Case:
 
     @property
     def brief(self) -> bool:
-        """Whether it is a whole run, whose studies are to have few samples."""
+        """Whether it is a complete run; its studies have few samples."""
         return self.limit_s > LIMIT_S
 
 
@@ -73,7 +73,7 @@ def limited(seconds: float) -> Iterator[None]:
 
 
 def attempt(case: Case, folder: Path) -> Outcome:
-    """Run a case in its folder, the working directory, and say how it ended."""
+    """Run a case in its folder, which is the working directory, and return how it ended."""
     before = contents(folder)
     out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="\n")
     err = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", errors="backslashreplace", newline="\n")
@@ -85,7 +85,7 @@ def attempt(case: Case, folder: Path) -> Outcome:
             contextlib.redirect_stderr(err),
             warnings.catch_warnings(),
         ):
-            warnings.simplefilter("always")  # a warning on standard error is a line too many
+            warnings.simplefilter("always")  # a warning on standard error would be a second line
             code = cli.main(case.arguments) if case.call is None else called(case.call)
     except TooLongError:
         return Outcome("hang")
@@ -129,7 +129,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 def wrong_files(
     before: dict[str, bytes], after: dict[str, bytes], code: int, may_change: tuple[str, ...]
 ) -> str:
-    """Return what a command did to files that it must not have done, or nothing."""
+    """Return which forbidden change a command made to files, or nothing."""
     for name, data in before.items():
         if name.split("/")[0] not in may_change and after.get(name) != data:
             return f"{name} was {'changed' if name in after else 'removed'}"

@@ -1,4 +1,4 @@
-"""Every kind of case with its share, and how one is made."""
+"""Every kind of case with its share, and how a case is made."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ WHOLE: dict[str, tuple[int, Callable[[random.Random, Path], Case]]] = {
     "sweep, whole": (1, sweep_whole),
     "diagnose, whole": (1, diagnose_whole),
 }
-"""Whole runs, each a second or some."""
+"""Complete runs; each takes a second or more."""
 
 KINDS |= WHOLE
 

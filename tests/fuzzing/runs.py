@@ -18,7 +18,7 @@ from gaitopt.simulation.rollout import Simulator
 
 
 def tiny(folder: Path) -> Path:
-    """Copy the strider with a horizon of a cycle, and three baselines of which one stands still."""
+    """Copy the strider with a horizon of one cycle and three baselines, one of them standing still."""
     path = strider_in(folder) / "problem.toml"
     content = tomllib.loads(path.read_text())
     content["simulation"]["horizon"] = {"transient_s": 0.0, "transient_cycles": 0, "measured_s": 0.1}
@@ -30,7 +30,7 @@ def tiny(folder: Path) -> Path:
 
 
 def spoilt(rng: random.Random, folder: Path) -> Path:
-    """Return a tiny robot with something wrong in its files, or something unusual, or nothing."""
+    """Return a tiny robot whose files have an error, something unusual, or nothing special."""
     robot = tiny(folder)
     victim = robot / rng.choice(["problem.toml", "problem.toml", "strider.xml"])
     how = rng.random()
@@ -49,7 +49,7 @@ def spoilt(rng: random.Random, folder: Path) -> Path:
 
 
 def whole(*arguments: object, may_change: tuple[str, ...] = ()) -> Case:
-    """Return a whole run, without its progress, in one thread so that the limit on its time holds."""
+    """Return a complete run without progress, in one thread so that the time limit holds."""
     words = [str(argument) for argument in arguments]
     return Case([*words, "--json", "--workers", "1"], may_change=may_change, limit_s=WHOLE_LIMIT_S)
 
@@ -64,7 +64,7 @@ def a_gait(rng: random.Random, folder: Path) -> str:
 
 
 def optimise_whole(rng: random.Random, folder: Path) -> Case:
-    """A search; what an interrupted one would leave may stay where it fails."""
+    """A search; a search that fails may leave the files of an interrupted one."""
     robot = spoilt(rng, folder)
     options = rng.choice(
         [[], [], ["--pareto"], ["--method", "cma-es"], ["--method", "nelder-mead"], ["--seed", "7"]]
@@ -78,7 +78,7 @@ def optimise_whole(rng: random.Random, folder: Path) -> Case:
 
 
 def resume_whole(rng: random.Random, folder: Path) -> Case:
-    """An unfinished run, something in it changed, that is to go on."""
+    """An unfinished run with a change in its files, which is resumed."""
     run = folder / "run"
     for name, data in finished_run().items():
         if name != "summary.json":

@@ -1,4 +1,4 @@
-"""Gaits: the contract's square wave, what smoothing keeps, and files that lose nothing."""
+"""Gaits: the square wave, what smoothing keeps, and files that lose nothing."""
 
 import math
 from fractions import Fraction
@@ -33,7 +33,7 @@ def one_channel(period_s: float = 1.0, **wave: float) -> Gait:
 
 
 def is_on(gait: Gait, t: float) -> bool:
-    """Whether the one channel stands at offset + amplitude."""
+    """Whether the one channel is at offset + amplitude."""
     channel = gait.channels["servo"]
     low, high = math.radians(channel.offset_deg), math.radians(channel.offset_deg + channel.amplitude_deg)
     target = float(gait.targets([t])[0, 0])
@@ -329,7 +329,7 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["gait.toml"]
 
 
-# --- the seed's gaits -------------------------------------------------------------------------
+# --- the published gaits ----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,7 @@ def test_the_baselines_are_points(problem: Problem) -> None:
 
 @given(st.data(), st.integers(-3, 3))
 def test_phases_are_circular(problem: Problem, data: st.DataObject, turns: int) -> None:
-    """A whole turn of any phase is invisible; in binary fractions to the last bit."""
+    """A whole turn of any phase changes nothing; with binary fractions to the last bit."""
     space = problem.space
     grid = st.integers(0, 2**20 - 1).map(lambda n: n / 2**20)
     point = np.array(data.draw(st.lists(grid, min_size=dimension(space), max_size=dimension(space))))

@@ -1,4 +1,4 @@
-"""A gait table: pulses that keep within a servo's limits, near the gait, and give the gait back."""
+"""A gait table: pulses stay within a servo's limits and near the gait, and the gait can be read back."""
 
 import json
 from pathlib import Path
@@ -138,7 +138,7 @@ def test_the_table_errs_by_less_than_a_microsecond_beyond_interpolation(table: G
 
 @given(duty=st.floats(0.2, 0.8), phase=st.floats(0.0, 1.0))
 def test_interpolation_does_not_move_an_edge(duty: float, phase: float) -> None:
-    """The middle of each interpolated edge is where the gait has it, wherever it lies between samples."""
+    """The middle of each interpolated edge is at the gait's edge, anywhere between two samples."""
     gait = Gait(1.0, {"a": Channel(duty=duty, phase=phase, amplitude_deg=1.0)})
     samples = sampled_deg(gait, 64)[:, 0]
     steps = np.diff(np.append(samples, samples[0]))

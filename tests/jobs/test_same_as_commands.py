@@ -26,7 +26,7 @@ WORDS = {
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    """Every file of a folder, but for the one figure that is a clock's."""
+    """Every file of a folder, without the one figure that comes from a clock."""
     files = {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file()}
     return {
         name: b"\n".join(line for line in path.read_bytes().split(b"\n") if b'"wall_s"' not in line)

@@ -1,4 +1,4 @@
-"""A cluster that is none, that says nothing, or that loses its workers: one line, in time."""
+"""An address without a cluster, a silent cluster, or one that loses its workers: one line, in time."""
 
 import json
 import os
@@ -129,7 +129,7 @@ def test_a_peer_that_is_no_scheduler_is_one_line(kind: str, capfd: pytest.Captur
 
 @pytest.mark.slow
 def test_a_silent_peer_costs_ten_seconds_and_no_more() -> None:
-    """By default, and to the end of the process: nothing left over holds it."""
+    """By default; and the process can end, because nothing left over blocks it."""
     with serving(SILENT["silence"]) as address:
         program = "from gaitopt.cli import main; raise SystemExit(main())"
         arguments = ["compare", "arcfold", "square-1s", "--executor", f"dask://{address}"]
@@ -153,7 +153,7 @@ def test_help_says_that_an_address_must_be_trusted(capsys: pytest.CaptureFixture
 
 @contextmanager
 def cluster(folder: Path, workers: int = 2) -> Iterator[tuple[str, list[int]]]:
-    """A scheduler and workers, processes that nothing starts again: its address, the workers' numbers."""
+    """A scheduler and workers that are not restarted: its address, the workers' process ids."""
     file = folder / "scheduler.json"
     begin = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
     work = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file), "--no-nanny"]

@@ -1,4 +1,4 @@
-"""Gaits side by side: their ratios."""
+"""Gaits compared: the ratios of their speeds."""
 
 import numpy as np
 import pytest

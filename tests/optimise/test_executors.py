@@ -1,4 +1,4 @@
-"""Executors: the same bits wherever the work is done, and no work lost with a worker."""
+"""Executors: the same bits on every executor, and no work lost with a worker."""
 
 import gc
 import os
@@ -34,7 +34,7 @@ TETRAHEDRON = b"v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 3 2\nf 1 2 4\nf
 
 
 def end_once(marker: Path) -> int:
-    """Kill the process that works on this, the first time."""
+    """Kill the process that runs this, the first time."""
     if not marker.exists():
         marker.touch()
         os.kill(os.getpid(), signal.SIGKILL)
@@ -87,7 +87,7 @@ def meshed(folder: Path) -> Problem:
 
 
 def test_a_setting_needs_no_file(tmp_path: Path) -> None:
-    """Neither MJCF nor include nor mesh: a worker may be on a machine that has none of them."""
+    """No MJCF, include or mesh: a worker may be on a machine without these files."""
     problem = meshed(tmp_path / "robot")
     here = setting(problem)
     gait = gaits(problem)[0]
@@ -100,7 +100,7 @@ def test_a_setting_needs_no_file(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_run_folder_holds_the_meshes(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """So a run is resumed, and is a problem, when the problem it was made from is gone."""
+    """So a run can be resumed, and is a problem, after its original problem was deleted."""
     meshed(tmp_path / "robot")
     run = tmp_path / "run"
     arguments = ["--budget", "1", "--out", str(run), "--quiet"]
@@ -236,7 +236,7 @@ def test_a_cluster_that_is_not_there_is_one_line(scheduler: str) -> None:
         with pytest.raises(GaitoptError) as error:
             DaskExecutor(address, ClusterSettings(answer_s=0.3))
         assert str(error.value) == f"--executor: no dask scheduler answers at dask://{address}"
-        assert _clients() == before  # one left over would be collected, and lock another's start, later
+        assert _clients() == before  # one left over would lock a later start
     with pytest.raises(GaitoptError, match=r"--workers: found 2; dask:// works with the workers it has"):
         open_executor(f"dask://{scheduler}", 2)
 

@@ -1,4 +1,4 @@
-"""The same bits: resumed anywhere, by any number of workers, on any executor."""
+"""The same bits, if resumed at any point, with any number of workers, on any executor."""
 
 from collections.abc import Sequence
 from pathlib import Path

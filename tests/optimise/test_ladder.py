@@ -34,7 +34,7 @@ BUDGET = 60
 
 @dataclass(frozen=True)
 class Known(Evaluator):
-    """Judges gaits by their periods: backwards with a longer step, or with a shorter horizon, or never."""
+    """Judges gaits by their periods, in reverse order with a longer step, a shorter horizon, or never."""
 
     longer: int = 1
     shorter: int = 1
@@ -106,7 +106,7 @@ def laddered(trusted: float) -> SearchSettings:
 
 
 TRUSTING = laddered(trusted=-1.0)
-"""Use every rung, whatever it is worth."""
+"""Use every rung, without a check of its ranking."""
 
 
 def searched(
@@ -143,7 +143,7 @@ def test_what_leads_on_a_lower_rung_is_judged_again(strider: Problem, tmp_path: 
 
 
 def test_only_gaits_of_the_working_fidelity_can_win(strider: Problem, tmp_path: Path) -> None:
-    """Though a lower rung flatters all of its gaits."""
+    """Although a lower rung gives all gaits better costs."""
     path = tmp_path / "evaluations.csv"
     searched(strider, path)
     lines = list(csv.DictReader(path.read_text().splitlines()))

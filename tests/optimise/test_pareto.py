@@ -54,7 +54,7 @@ def test_the_front_holds_what_keeps_the_limits_and_goes_forward(strider: Problem
 
 
 def test_an_aim_puts_limits_before_what_it_aims_at(strider: Problem) -> None:
-    """Within its limit the faster is better; without, what is nearer to it, and any of it is worse."""
+    """Within the limit the faster gait is better. Beyond it, the nearer one is better, and all are worse."""
     aim = pareto.fastest_within(3.0)
     inside = [entry(strider, 0, 0.1, 2.0), entry(strider, 1, 0.2, 3.0)]
     outside = [entry(strider, 2, 0.9, 3.3), entry(strider, 3, 0.9, 6.0), entry(strider, 4, 0.9, math.inf)]
@@ -131,14 +131,14 @@ def test_an_interrupted_front_is_resumed_to_the_same_bits(
 
 @pytest.mark.parametrize(("budget", "seed"), [(1, 1), (2, 1), (5, 1), (9, 1), (16, 2), (30, 3)])
 def test_a_front_spends_its_budget(strider: Problem, tmp_path: Path, budget: int, seed: int) -> None:
-    """Though two gaits that keep the limits, and so a front, may not be found at once, or at all."""
+    """Two gaits within the limits, and so a front, may be found late, or not at all."""
     request = Request(seed=seed, budget=budget, pareto=True)
     optimised = optimise(strider, request, Journal(tmp_path / "e.csv", strider), SerialExecutor())
     assert len(optimised.entries) == budget
 
 
 def test_without_two_gaits_there_is_a_search_for_the_cheapest(strider: Problem, tmp_path: Path) -> None:
-    """Of a robot that cannot keep its limits no front is known; its budget is spent nevertheless."""
+    """A robot that cannot keep its limits has no front; its budget is spent nevertheless."""
     limits = {"airtime": {"max": -1.0, "scale": 0.1}}
     objective = type(strider.file.objective).model_validate(
         strider.objective.model_dump() | {"constraints": limits}

@@ -1,4 +1,4 @@
-"""The race over scenarios: clear losers see one scenario, the rest is as without a race."""
+"""The race over scenarios: clear losers see one scenario; the other gaits are judged as without a race."""
 
 import csv
 import math

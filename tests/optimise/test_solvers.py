@@ -56,7 +56,7 @@ def rastrigin(x: Points) -> Points:
 
 
 class Counted:
-    """A function that remembers what it was asked."""
+    """A function that remembers the points it was called with."""
 
     def __init__(self, function: Function):
         self.function = function
@@ -126,7 +126,7 @@ def test_a_minimum_on_the_wall_is_found_and_no_wall_is_crossed(solver: Solver) -
 def test_an_optimum_at_the_wrap_is_reached_from_the_other_side(
     solver: Solver, start: float, phase: float
 ) -> None:
-    """A circular coordinate has no wall at 0 = 1: the way there is the short one."""
+    """A circular coordinate has no boundary at 0 = 1; the shortest way crosses it."""
     function = Counted(
         lambda x: (x[:, 0] - 0.4) ** 2 + (1.0 - np.cos(2.0 * np.pi * (x[:, 1] - phase))) / 20.0
     )
@@ -200,7 +200,7 @@ def test_a_start_in_a_corner_is_a_start(solver: Solver, corner: float) -> None:
 
 
 def two_free(problem: Problem) -> Problem:
-    """The strider, free in the front leg's phase and the rear leg's amplitude alone.
+    """The strider, with only the front leg's phase and the rear leg's amplitude free.
 
     Both legs swing with the same smooth even wave of half a second.
     """

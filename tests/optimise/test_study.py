@@ -1,4 +1,4 @@
-"""The study: every method spends its budget, and the winner is verified."""
+"""The study: every method spends its budget, and the best gait is verified."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The surrogate: chooses what lies low, knows that a phase is a circle, saves evaluations."""
+"""The surrogate: chooses points with low cost, knows that a phase is circular, and saves evaluations."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_ranks_alone_count() -> None:
 
 @pytest.mark.parametrize("turns", [-2.0, 0.0, 1.0])
 def test_a_phase_is_a_circle(turns: float) -> None:
-    """Points just below 1 speak for candidates just above 0, whatever turn they are on."""
+    """Points just below 1 predict candidates just above 0, on every turn of the circle."""
     circular = np.array([True, False])
     around = np.linspace(0.0, 1.0, 21)[:-1]
     points = np.array([[phase + turns, y] for phase in around for y in (0.2, 0.8)])

@@ -1,4 +1,4 @@
-"""The reduced model against calculus, a plain integrator, symmetry and geometry."""
+"""The reduced model, compared with analytic derivatives, an integrator, symmetry and geometry."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def mirrored_feet(gait: Vector) -> Vector:
 
 
 def symmetric(nominal: PlanarParameters, **changes: float) -> PlanarModel:
-    """A crawler that looks the same from behind."""
+    """A crawler that is symmetric front to back."""
     length = nominal.module_length
     same = {
         "front_mass": nominal.rear_mass,

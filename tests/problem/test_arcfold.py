@@ -1,4 +1,4 @@
-"""What the contract says of ArcFold."""
+"""ArcFold has the specified parts and numbers."""
 
 import re
 
@@ -89,7 +89,7 @@ def test_every_parameter_says_where_it_comes_from(arcfold: Problem) -> None:
 
 
 def test_every_gram_has_an_origin(arcfold: Problem, model: mujoco.MjModel) -> None:
-    """The mass is the sum of the named masses, each as often as it is used, and nothing besides."""
+    """The mass is the sum of the named masses, each as often as it is used, and nothing else."""
     total = model.body_mass.sum()
     masses = {n: p.value for n, p in arcfold.file.parameters.items() if p.unit == "kg"}
     budget = 0.0

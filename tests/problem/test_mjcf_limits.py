@@ -1,4 +1,4 @@
-"""Numbers without end in an MJCF are one line before MuJoCo sees them."""
+"""Excessive numbers in an MJCF are refused with one line before MuJoCo reads them."""
 
 import ctypes
 import re
@@ -226,7 +226,7 @@ Otherwise: by MuJoCo itself (``maxhullvert``, ``gridsize``, ``size`` of a numeri
 
 
 def test_every_attribute_of_this_mujoco_was_considered() -> None:
-    """A new version's attributes are to be sorted into `limits.COUNTS` or into the list above."""
+    """Attributes of a new version must be added to `limits.COUNTS` or to the list above."""
     library = ctypes.CDLL(next(str(path) for path in Path(mujoco.__path__[0]).glob("libmujoco*.so*")))
     schema = ctypes.create_string_buffer(1_000_000)
     library.mj_printSchema.argtypes = [ctypes.c_char_p, ctypes.c_char_p, *3 * [ctypes.c_int]]

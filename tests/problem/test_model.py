@@ -36,7 +36,7 @@ def test_numbers_keep_full_precision(robot: Path | str) -> None:
 
 @pytest.mark.parametrize("robot", ["arcfold", "arcfold-published", STRIDER])
 def test_the_written_model_is_a_problem_of_the_same_bits(tmp_path: Path, robot: Path | str) -> None:
-    """Writing is idempotent: what a run folder holds is what was run."""
+    """Writing is idempotent: the run folder contains the model that was simulated."""
     problem = load_problem(robot)
     text = nominal_mjcf(problem)
     (tmp_path / "model.xml").write_text(text)

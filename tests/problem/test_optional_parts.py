@@ -24,7 +24,7 @@ from gaitopt.simulation.rollout import Simulator
 
 
 def strip(content: dict[str, Any]) -> None:
-    """Leave a problem nothing but its joints."""
+    """Remove everything but the joints from a problem."""
     del content["gait"], content["objective"], content["baselines"]
     content["roles"] = {}
     for channel in content["channels"].values():

@@ -1,4 +1,4 @@
-"""What physics says of the robots."""
+"""The robots obey physics."""
 
 from pathlib import Path
 
@@ -58,7 +58,7 @@ def test_a_motionless_gait_goes_nowhere(arcfold: Problem, strider: Problem) -> N
 def test_energy_does_not_appear_from_nowhere(robot: Path | str) -> None:
     """A passive robot, bent and dropped, never has more mechanical energy than it began with.
 
-    The total rises by what a compressed contact or the closed loop gives back, no further.
+    The total rises only by the energy that a compressed contact or the closed loop gives back.
     """
     model = build_model(load_problem(robot), Fidelity(timestep_s=2e-4, integrator="implicitfast"))
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
@@ -75,7 +75,7 @@ def test_energy_does_not_appear_from_nowhere(robot: Path | str) -> None:
     fallen = Robot.of(model).weight * 0.02
     assert energy.max() <= energy[0] + 1e-4 * fallen
     assert energy[0] - energy[-1] == pytest.approx(fallen, rel=0.2)
-    # In flight, before it lands after 64 ms, next to nothing is lost: only the hinges' damping.
+    # In flight, before it lands after 64 ms, only the hinges' damping takes energy, and very little.
     assert energy[250] == pytest.approx(energy[0], abs=1e-2 * fallen)
 
 

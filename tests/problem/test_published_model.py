@@ -277,10 +277,9 @@ def test_forces_in_a_general_state(model: mujoco.MjModel) -> None:
         np.testing.assert_allclose(getattr(data, name), forces[name], rtol=0, atol=1e-12)
 
 
-# The start lies exactly on the joint limits with coincident panels, so a
-# difference of 1e-15 rad decides which limits and contacts act: qpos differs by
-# 2e-7 after one step and by up to 1e-2 after 500. Only the same arithmetic can
-# meet 1e-9; elsewhere the tests above carry the proof.
+# The start lies exactly on the joint limits with coincident panels, so a difference of 1e-15 rad decides
+# which limits and contacts act: qpos differs by 2e-7 after one step and by up to 1e-2 after 500. Only the
+# same arithmetic can meet 1e-9; on other machines the tests above are the proof.
 @pytest.mark.skipif(
     (mujoco.__version__, platform.machine()) != (REFERENCE["mujoco"], REFERENCE["machine"]),
     reason="the reference trajectory was computed by another MuJoCo or processor",

@@ -1,4 +1,4 @@
-"""The records of a problem file: what is wrong in one is said in one line."""
+"""The records of a problem file: an error in one is reported in one line."""
 
 from pathlib import Path
 
@@ -158,5 +158,5 @@ def test_a_bad_problem_file_is_one_line(tmp_path: Path, name: str) -> None:
     ("period_s", "cycles"), [(4.0, (1, 2)), (2.0, (1, 2)), (1.0, (1, 4)), (0.1, (10, 40)), (0.3, (4, 14))]
 )
 def test_the_horizon_is_whole_cycles(strider: Problem, period_s: float, cycles: tuple[int, int]) -> None:
-    """At least 1 s and 1 cycle thrown away, at least 4 s and 2 cycles measured."""
+    """At least 1 s and 1 cycle left out, at least 4 s and 2 cycles measured."""
     assert type(strider.simulation.horizon)().cycles(period_s) == cycles

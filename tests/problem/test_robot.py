@@ -43,7 +43,7 @@ def test_a_servos_no_load_speed_is_its_torque_over_its_damping(strider: Problem)
 
 
 def test_a_servo_turns_at_its_no_load_speed(strider: Problem) -> None:
-    """Held in the air with nothing on the leg, the motor's torque is used up by its own speed."""
+    """In the air, with no load on the leg, the motor's speed uses up its torque."""
     model = build_model(strider.with_parameters({"torque_limit": 0.02, "b_servo": 0.01, "k_servo": 50.0}))
     model.opt.gravity[:] = 0.0
     model.geom_contype[:] = 0

@@ -1,4 +1,4 @@
-"""Films: what is shown, when, in which format, and what is said where none can be made."""
+"""Films: what is shown, when, in which format, and the message if no film can be made."""
 
 from dataclasses import replace
 from pathlib import Path

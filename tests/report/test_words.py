@@ -16,7 +16,7 @@ FIRST = ComparedGait(
 
 
 def summary(best_speed: float, violations: dict[str, float], baselines: tuple[GaitRow, ...]) -> Summary:
-    """A summary that says little more than its answer needs."""
+    """A summary with little more than the answer needs."""
     best = BestRow(
         name="best", period_s=1.0, speed_m_s=best_speed, speed_ci90_m_s=(0.019, 0.021),
         constraints_met=not violations, violations=violations, status="diverged",

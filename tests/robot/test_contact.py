@@ -1,4 +1,4 @@
-"""MuJoCo's rules of contact, as gaitopt reads them and as MuJoCo applies them."""
+"""MuJoCo's rules of contact: gaitopt's reading of them agrees with MuJoCo."""
 
 import mujoco
 import numpy as np

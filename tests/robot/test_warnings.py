@@ -7,7 +7,7 @@ _IMPORTS = "gaitopt.api, gaitopt.problem.draft, gaitopt.optimise.executors, gait
 
 
 def handler_after(code: str) -> str:
-    """Return what MuJoCo says of its handler after some code, in a process of its own."""
+    """Return what MuJoCo reports about its handler after some code, in a separate process."""
     code += "; import mujoco; print(mujoco.get_mju_user_warning())"
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
 

@@ -1,4 +1,4 @@
-"""The run folder of a diagnosis: nothing is left of one that stays empty, and a finished one is read back."""
+"""The run folder of a diagnosis: an empty one is removed, and a finished one is read back."""
 
 from pathlib import Path
 

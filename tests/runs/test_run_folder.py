@@ -1,4 +1,4 @@
-"""The run folder: nothing left of a run that did nothing, nothing lost of one that did, one run at a time."""
+"""The run folder: nothing is left of a run that did nothing, no result is lost, one run at a time."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from gaitopt.runs.run_folder import RunFolder
 def test_a_run_that_ends_before_its_first_gait_leaves_nothing(
     strider: Problem, tmp_path: Path, existing: bool
 ) -> None:
-    """Not even in a folder that was there and empty, which can be used again."""
+    """This holds for a folder that existed and was empty, too; it can be used again."""
     path = tmp_path / "run"
     if existing:
         path.mkdir()

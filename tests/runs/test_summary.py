@@ -1,4 +1,4 @@
-"""The summary: ratios, failed gaits, and the file that it stands in."""
+"""The summary: ratios, failed gaits, and its file."""
 
 import json
 import math
@@ -94,7 +94,7 @@ def test_what_is_not_finite_is_null_in_the_file_and_nan_in_the_record(
 
 
 def test_a_summary_of_an_earlier_version_keeps_the_keys_that_it_has(tmp_path: Path) -> None:
-    """What is printed of a finished run is required, and no more than that."""
+    """The figures that are printed of a finished run are required, and no others."""
     row = {"name": "best", "period_s": 0.5, "speed_m_s": 0.1, "speed_ci90_m_s": [0.0, 0.2]}
     row |= {"constraints_met": True, "violations": {}, "status": "ok"}
     path = tmp_path / "summary.json"
@@ -108,7 +108,7 @@ def test_a_summary_of_an_earlier_version_keeps_the_keys_that_it_has(tmp_path: Pa
 
 
 def test_keys_are_those_of_the_file_format(strider: Problem) -> None:
-    """In the order in which they have always stood there."""
+    """In the order that they have always had in the file."""
     found = compared(strider, verified(strider, "best", [0.3, 0.5]), verified(strider, "slow", [0.1, 0.1]))
     assert list(found.to_dict()) == [
         "problem", "seed", "budget", "method", "evaluations", "simulated_s", "wall_s", "baselines",

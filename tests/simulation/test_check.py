@@ -1,4 +1,4 @@
-"""The audit: the same findings wherever rollouts run, progress, and a remedy for each kind."""
+"""The audit: the same findings on every executor, progress, and a remedy for each kind."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ STRICT = CheckSettings(
     timestep_change=-100.0,
     timestep_floor_m_s=-1.0,
 )
-"""Quick, and so strict that a good robot has findings of almost every kind."""
+"""Settings that are quick, and so strict that a good robot has findings of almost every kind."""
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_findings_do_not_depend_on_the_executor(where: str, expected: list[Findi
 
 @pytest.mark.slow
 def test_a_robot_with_effects_is_checked_in_other_processes(strider: Problem) -> None:
-    """Effects travel by their name: of hooks, loops and commands too."""
+    """Effects are sent to workers by name, those with hooks, loops and commands too."""
     effects = {"servo_sag": {"share_lost": 0.1}, "command_latency": {"delay_s": 0.01}}
     problem = carrying(strider.with_effects(effects))
     with open_executor("processes", 2) as executor:

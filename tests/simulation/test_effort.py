@@ -1,4 +1,4 @@
-"""The work of a rollout: counted in some steps, limited for all."""
+"""The work of a rollout: counted at some steps, limited for all."""
 
 from collections.abc import Mapping
 
@@ -25,7 +25,7 @@ def test_the_work_of_a_step_is_that_of_the_formula() -> None:
 
 @pytest.mark.parametrize(("chunk", "every"), [(500, 100), (50, 100), (7, 100), (1, 10)])
 def test_what_is_counted_stands_for_all_steps(chunk: int, every: int) -> None:
-    """Steps alike, a budget of 1000 of them ends between 1000 steps and one period of counting later."""
+    """With equal steps, a budget of 1000 ends between 1000 steps and one counting period later."""
     step = 300.0 + 200.0
     budget = WorkBudget(1000.0 * step, chunk, every, nv=0)
     steps = 0

@@ -1,4 +1,4 @@
-"""Metrics and other figures as a person reads them."""
+"""Labels of metrics and other figures."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Metrics on trajectories whose answer is known, and on the robot."""
+"""Metrics on trajectories with a known answer, and on the robot."""
 
 import math
 from collections.abc import Mapping
@@ -83,7 +83,7 @@ def test_there_is_a_figure_for_every_metric_and_no_other(quick: Problem) -> None
 def test_speed_is_net_travel_over_whole_cycles(
     quick: Problem, speed: float, sideways: float, origin: float
 ) -> None:
-    """What happens inside a cycle, and before the measured ones, does not count."""
+    """Motion inside a cycle, and before the measured cycles, does not count."""
     time = clock()
     wiggle = 0.03 * np.sin(2.0 * np.pi * time / PERIOD_S)
     jump = np.where(time < 0.4, 1.0, 0.0)
@@ -185,7 +185,7 @@ def test_penetration_is_the_deepest(quick: Problem) -> None:
 
 
 def test_torque_power_and_cost_of_transport(quick: Problem) -> None:
-    """0.1 N m at 3 rad/s is 0.3 W; braking gives nothing back; 2 N at 0.05 m/s cost 0.1 W ideally."""
+    """0.1 N m at 3 rad/s is 0.3 W; braking recovers nothing; 2 N at 0.05 m/s cost 0.1 W ideally."""
     time, (first, second, _) = clock(), quick.channel_names
     wave = np.sin(2.0 * np.pi * time / PERIOD_S)
     signals: dict[str, ArrayLike] = {f"torque.{first}": 0.1, f"rate.{first}": 3.0, "marker.x": 0.05 * time}
@@ -203,7 +203,7 @@ def test_torque_power_and_cost_of_transport(quick: Problem) -> None:
 
 
 def test_a_motors_own_friction_does_no_work_on_the_robot(quick: Problem) -> None:
-    """Damping of the driven joint is the motor's: at no-load speed its shaft gives nothing."""
+    """Damping of the driven joint is the motor's: at no-load speed its shaft does no work."""
     name = quick.channel_names[0]
     signals = {f"torque.{name}": 0.1, f"rate.{name}": 5.0}
     assert figures(quick, signals, robot(damping=0.02))["power_w"] == pytest.approx(0.0, abs=1e-12)
@@ -312,7 +312,7 @@ def on_robot(problem: Problem, gait: Gait, scenario: Scenario | None = None) -> 
 
 
 def test_with_swapped_feet_it_walks_the_other_way(arcfold: Problem) -> None:
-    """Gripping with the other foot while it stretches turns a stride into a stride back."""
+    """If it grips with the other foot while it stretches, the stride goes backward."""
     gait = arcfold.baselines["square-2s"]
     mid, foot1, foot2 = gait.channels.items()
     swapped = Gait(gait.period_s, dict([mid, (foot1[0], foot2[1]), (foot2[0], foot1[1])]))
@@ -331,7 +331,7 @@ def test_the_hand_tuned_gaits_stride_forward_on_the_ground(arcfold: Problem) -> 
 
 
 def test_the_incomplete_motion_of_a_fast_gait_shows(arcfold: Problem) -> None:
-    """Weak servos do not reach what a fast square wave asks for; a slow one gets there."""
+    """Weak servos do not reach the targets of a fast square wave; those of a slow one they reach."""
     weak = arcfold.with_parameters({"torque_limit": 0.2 * arcfold.file.parameters["torque_limit"].value})
     slow, fast = (on_robot(weak, arcfold.baselines[f"square-{p}s"]) for p in ("4", "0.5"))
     assert fast["reached.mid_act"] < 0.9 * slow["reached.mid_act"]
@@ -356,7 +356,7 @@ def test_a_planar_robot_does_not_turn_or_drift(strider: Problem) -> None:
 
 @pytest.mark.parametrize("robot_name", ["quick", "strider"])
 def test_more_power_is_drawn_than_transport_needs(robot_name: str, request: pytest.FixtureRequest) -> None:
-    """Friction is what the servos work against: with it mechanical work is positive."""
+    """The servos work against friction, so the mechanical work is positive."""
     problem = request.getfixturevalue(robot_name)
     for gait in problem.baselines.values():
         found = on_robot(problem, gait)

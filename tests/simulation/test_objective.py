@@ -60,7 +60,7 @@ def test_constraints_hold_for_the_mean_over_scenarios(strider: Problem) -> None:
 
 
 def test_the_worst_scenario_or_a_quantile_counts_where_the_problem_says_so(strider: Problem) -> None:
-    """Of the cost and of each limit; the metrics reported stay means."""
+    """This holds for the cost and each limit; the reported metrics stay means."""
     limits = {"airtime": {"max": 0.1, "scale": 0.1}}
     values = [(0.5, 0.1), (0.2, 0.0), (0.4, 0.0), (0.3, 0.3), (0.1, 0.2)]
     rows = [row(strider, speed_m_s=speed, airtime=airtime) for speed, airtime in values]

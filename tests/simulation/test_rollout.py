@@ -1,4 +1,4 @@
-"""Rollouts: the same bits wherever they run, honest commands, scenarios, and failures as data."""
+"""Rollouts: the same bits on every executor, exact commands, scenarios, and failures as data."""
 
 import csv
 import math

@@ -21,7 +21,7 @@ def test_the_same_seed_draws_the_same_scenarios(arcfold: Problem) -> None:
 
 
 def test_the_streams_share_no_scenario(arcfold: Problem) -> None:
-    """What verifies a gait is nothing that the search has seen."""
+    """The scenarios of the verification are different from those of the search."""
     streams = [
         set(scenarios_of(arcfold, 1, stream))
         for stream in (Stream.SEARCH_SCENARIOS, Stream.SELECTION_SCENARIOS, Stream.VERIFICATION_SCENARIOS)
@@ -68,7 +68,7 @@ def test_a_servo_scenario_scales_the_torque_limit_alone(strider: Problem) -> Non
 
 
 def starts(problem: Problem, spread: float, read: Callable[[Mapping[str, np.ndarray]], float]) -> np.ndarray:
-    """A figure of the first sample over many disturbed starts."""
+    """One figure of the first sample, over many disturbed starts."""
     scenarios = tuple(Scenario(start_pose_rad=spread, pose_seed=seed) for seed in range(60))
     simulator = Simulator.build(problem, scenarios)
     gait = still(problem)
@@ -82,7 +82,7 @@ def test_start_poses_are_disturbed_by_the_spread(strider: Problem) -> None:
 
 
 def test_a_start_pose_in_rad_moves_no_slide(strider: Problem) -> None:
-    """An error of an angle is no length: the robot is neither lifted nor pressed into the ground."""
+    """An error of an angle does not lift the robot or press it into the ground."""
     assert np.ptp(starts(strider, 0.01, lambda s: s["joint.above"][0])) == 0.0
     assert np.ptp(starts(strider, 0.01, lambda s: s["joint.along"][0])) == 0.0
 

@@ -1,4 +1,4 @@
-"""Robots as values: compiled once a process, without holding up others."""
+"""Robots as values: compiled once per process, without delaying others."""
 
 import threading
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Lists the studies, with what each costs and how it is run.
+"""Lists the studies, with the cost and the commands of each.
 
 python tests/studies
 """
@@ -19,9 +19,9 @@ class Study:
 
     Attributes:
         name: its file.
-        title: what it asks.
-        cost: its time from a cold start.
-        commands: how it is run.
+        title: its question.
+        cost: its time from the start.
+        commands: the commands that run it.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Study:
 
 
 def studies() -> list[Study]:
-    """Every study: a file that is run by hand."""
+    """Every study; each is a file that is run by hand."""
     found = []
     for path in sorted(FOLDER.glob("*.py")):
         text = path.read_text()

@@ -5,10 +5,11 @@
     python tests/studies/blind_record.py pairs --work /tmp/blind-pairs --out results/blind
     python tests/studies/blind_record.py x-alone --work /tmp/blind-x --out results/blind
 
-OUT/PLAN.jsonl has one line for each case that is done, all that the record needs to go on elsewhere. Cases
-share the rollouts that every diagnosis begins with, so all but the first two cost less than a diagnosis by
-itself. What was simulated for a case is kept in the work folder: where only the conclusions have changed,
-removing OUT/PLAN.jsonl and running it again takes seconds a case; where the residuals have, WORK/memory too.
+OUT/PLAN.jsonl has one line for each finished case; nothing else is needed to continue on another machine.
+Cases share the rollouts that every diagnosis begins with. So all cases but the first two cost less than a
+single diagnosis. The simulations of a case are kept in the work folder. If only the conclusions of the method
+have changed, remove OUT/PLAN.jsonl and run it again; this takes seconds per case. If the residuals have
+changed, remove WORK/memory too.
 
 Cost: about 4 h of two cores for `full`, 3 h for `x-alone`, 1.5 h for `pairs` (estimated).
 """
@@ -53,12 +54,12 @@ SECONDS = 10.0
 REQUEST = DiagnosisRequest(seed=1, next_gait=False)
 
 Planned = tuple[str, str | None]
-"""The kind of a case, and what is planted where that is not drawn."""
+"""The kind of a case, and its effects if they are not drawn."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Which cases a record is made of."""
+    """The cases of a record."""
 
     seed: int
     signals: tuple[str, ...] | None
@@ -85,13 +86,13 @@ def _outside(each: int) -> list[Planned]:
 
 
 def _pairs() -> Plan:
-    """Pairs, what no pair should explain, then more pairs, which narrow the interval."""
+    """Pairs, disturbances that no pair should explain, then more pairs, which narrow the interval."""
     drawn: list[Planned] = [("pair", None)] * 10
     return Plan(862, None, (*drawn, *drawn, *_outside(4), *drawn))
 
 
 def _x_alone() -> Plan:
-    """Forty cases of all kinds, then as many more as narrow the intervals of what x alone is asked for."""
+    """Forty cases of all kinds, then more cases to narrow the intervals of the goals for x alone."""
     counts = [("single", 24), ("none", 8), ("outside", 4), ("pair", 4), ("none", 52), ("single", 16)]
     return Plan(852, ("marker.x",), tuple((kind, None) for kind, count in counts for _ in range(count)))
 
@@ -142,7 +143,7 @@ def run_case(
     seed: int,
     executor: Executor,
 ) -> dict[str, Any]:
-    """Make and diagnose one case; return what is kept of it."""
+    """Make and diagnose one case; return its record."""
     name = f"case-{index:03d}"
     head = {"case": name, "seed": seed, "version": version()}
     sealed, times = work / "sealed" / f"{name}.json", work / "times" / f"{name}.json"
@@ -183,7 +184,7 @@ SCORED = (
 
 
 def scored(truth: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]:
-    """Return what of a diagnosis says how right it was: of the effects, those planted, named or alike."""
+    """Return the parts of a diagnosis that scoring needs: the effects that are planted, named or alike."""
     planted = [row["name"] for row in truth["effects"]]
     names = {*planted, *content["causes"], *content["ambiguous_with"]}
     effects = [r for r in content["effects"] if r["name"] in names or r["alike"] >= FitSettings.alike]
@@ -263,7 +264,8 @@ def _cost(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
 def alike(cases: list[Case]) -> list[dict[str, Any]]:
     """Return which effects have the planted one's signature, by the angle between the whitened changes.
 
-    The angle is that to the first rival's signature, so of cases in which the planted effect is the first.
+    The angle is that to the first candidate's signature, so only cases count in which the planted effect is
+    first.
     """
     found: dict[tuple[str, str], list[tuple[float, bool]]] = {}
     for case in cases:
@@ -288,7 +290,7 @@ def alike(cases: list[Case]) -> list[dict[str, Any]]:
 
 
 def _confusion(path: Path, cases: list[Case]) -> None:
-    """Draw what was planted against what was blamed first."""
+    """Draw the planted effect against the effect that was named first."""
     counts: dict[tuple[str, str], int] = {}
     for case in cases:
         if case.kind in ("single", "none"):
@@ -313,7 +315,7 @@ def _confusion(path: Path, cases: list[Case]) -> None:
 
 
 def _calibration(path: Path, record: Score) -> None:
-    """Draw how often the first cause was right against the probability that was said."""
+    """Draw how often the first cause was right against the stated probability."""
     figure, axes = plt.subplots(figsize=(4.2, 4.0), layout="constrained")
     axes.plot([0.0, 1.0], [0.0, 1.0], color="0.6", linewidth=1.0, linestyle="--", label="as said")
     rows = [one.to_dict() for one in record.calibration]

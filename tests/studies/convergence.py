@@ -2,10 +2,10 @@
 
     python tests/studies/convergence.py --out results/convergence
 
-Writes convergence.csv and convergence.png (speed of each gait against timestep and integrator, over
-perturbed starts; also what other choices of the model would have done) and chaos.csv and growth.png
-(distance in time of starts that differ by a millionth of a radian). Rows that are there already, for
-the same model, are kept: an interrupted run goes on where it stopped.
+Writes convergence.csv and convergence.png (speed of each gait against timestep and integrator, over perturbed
+starts; also for other choices of the model) and chaos.csv and growth.png (distance in time of starts that
+differ by a millionth of a radian). Existing rows of the same model are kept, so an interrupted run continues
+where it stopped.
 
 Cost: 20 min of two cores.
 """
@@ -44,7 +44,7 @@ STARTS = 16
 START_SPREAD_RAD = 0.005
 NUDGE_RAD = 1e-6
 PARTED_MM = 0.01
-"""A pair this far apart has parted: a hundred times what the nudge alone moves the marker."""
+"""A pair this far apart has parted, m. The perturbation alone moves the marker by a hundredth of this."""
 
 CHAOS_S = 10.0
 CHAOS_CYCLES = 6
@@ -69,7 +69,7 @@ FAST = Gait(
     },
     "fast",
 )
-"""What a search is after: a gait from an early one, rounded. A timestep must hold for these too."""
+"""A gait that an early search found, rounded. A timestep must be good enough for such gaits too."""
 
 LOOP_JOINTS = {
     "first_left": -0.5,
@@ -83,7 +83,7 @@ LOOP_JOINTS = {
 
 @dataclass(frozen=True)
 class Choice:
-    """One way to choose what the nominal model leaves open.
+    """One choice of what the documents of the robot leave open.
 
     Attributes:
         name: what is chosen, in words.
@@ -127,14 +127,14 @@ OTHERS = (
         mjcf=loop_stiffness(0.02) | {"default/equality/@solimp": "0.9 0.95 0.001 0.5 2"},
     ),
 )
-"""Choices that were rejected or lie near by, for the two gaits that mind most."""
+"""Choices that were rejected or are similar, for the two most sensitive gaits."""
 
 OTHERS_GAITS = ("square-1s", "square-0.5s")
 OTHERS_LEVELS = (LEVELS[0], LEVELS[2])
 
 
 def fingerprint(problem: Problem) -> str:
-    """Return eight digits that change with the model, but not with the pose that it settles in."""
+    """Return eight digits that change with the model, but not with its resting pose."""
     root = ET.fromstring(nominal_mjcf(problem))
     for keyframes in root.findall("keyframe"):
         root.remove(keyframes)
@@ -147,7 +147,7 @@ def perturbed(count: int = STARTS, more_rad: float = 0.0) -> tuple[Scenario, ...
     Args:
         count: how many.
         more_rad: added to the errors' standard deviation; the errors of two sets are proportional,
-            so this nudges each start by that much.
+            so this perturbs each start by that much.
     """
     spread = START_SPREAD_RAD + more_rad
     return tuple(Scenario(start_pose_rad=spread, pose_seed=seed) for seed in range(count))
@@ -164,7 +164,7 @@ def standard_error(values: NDArray[np.float64]) -> float:
 
 
 def loop_error(trajectory: Trajectory, after_s: float) -> float:
-    """Return how far the hinges stray from the closed loop from some time on, rad."""
+    """Return how far the hinges are off the closed loop from some time on, rad."""
     late = trajectory.time >= after_s
     mid = trajectory["joint.mid_left"]
     strayed = (trajectory[f"joint.{name}"] - share * mid for name, share in LOOP_JOINTS.items())
@@ -232,7 +232,7 @@ def converge(out: Path, executor: Executor) -> KeptTable:
 
 
 def growth(simulator: Simulator, nudged: Simulator, gait: Gait, executor: Executor) -> Iterator[Row]:
-    """Yield the distance of nudged pairs, four times a cycle, and the share of them that has parted."""
+    """Yield the distance of perturbed pairs, four times per cycle, and the share of them that has parted."""
     duration = max(CHAOS_S, CHAOS_CYCLES * gait.period_s)
     pairs = range(len(simulator.scenarios))
     apart = []
@@ -343,7 +343,7 @@ _DRAWN = ("timestep_s", "speed_mm_s", "speed_se_mm_s", "speed_min_mm_s", "speed_
 
 
 def draw_growth(table: KeptTable, path: Path) -> None:
-    """Draw how far nudged pairs part in time, at the working and at the reference fidelity."""
+    """Draw the distance of perturbed pairs over time, at the working and at the reference fidelity."""
     gaits = gait_names(table)
     levels = list(dict.fromkeys((row["integrator"], row["timestep_s"]) for row in table.rows))
     drawing, grid = plt.subplots(

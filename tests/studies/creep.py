@@ -2,8 +2,9 @@
 
     python tests/studies/creep.py --out results/convergence
 
-For each choice of the contact and each pose, the robot is moved into the pose, left alone, then pulled
-at its first body by a fifth of its weight, less than half of what friction holds. Writes creep.csv.
+For each choice of the contact and each pose, the robot is moved into the pose and comes to rest. Then its
+first body is pulled with a fifth of the robot's weight, less than half of the force that friction can hold.
+Writes creep.csv.
 
 Cost: 30 s of two cores.
 """
@@ -92,7 +93,7 @@ class Standing:
         return np.array(self.data.site_xpos[self.marker])
 
     def observe(self) -> None:
-        """Keep the largest speeds."""
+        """Update the largest speeds."""
         velocity = np.empty(6)
         kind = mujoco.mjtObj.mjOBJ_SITE
         mujoco.mj_objectVelocity(self.model, self.data, kind, self.marker, velocity, 0)

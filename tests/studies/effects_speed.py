@@ -2,9 +2,9 @@
 
     python tests/studies/effects_speed.py --out results/effects
 
-One parameter set is what a fit changes: the robot with the effect is built and settled, and the four
-baselines are simulated for 12 s each at the working fidelity, on one core. CPU time of the process, the
-median of several turns over all effects; the goal is under one core-second.
+For one parameter set, a fit builds the robot with the effect, lets it come to rest, and simulates the four
+baselines for 12 s each at the working fidelity, on one core. CPU time of the process, the median of several
+repeats over all effects. The goal is less than one core-second.
 
 Cost: about 5 min of one core (estimated).
 """

@@ -1,8 +1,8 @@
 """The long fuzz: thousands of broken and hostile inputs, each of which must end in success or one clear line.
 
-The cases are those of ``tests/fuzzing``. They run in a process of their own under a limit on memory and
-one on the time of each case, so that a crash of the interpreter or a hang inside a library is a figure in
-the table and not the end of the study.
+The cases are those of ``tests/fuzzing``. They run in a separate process, with a limit on memory and on the
+time of each case. So a crash of the interpreter or a hang inside a library is a figure in the table, and does
+not end the study.
 
     python tests/studies/fuzz.py --cases 12000 --whole 40 --seed 1 --out results/fuzz
     python tests/studies/fuzz.py --seed 1 --only "MJCF, text:373"
@@ -85,14 +85,14 @@ def cases(count: int) -> Iterator[tuple[str, int]]:
 
 
 def whole_runs(count: int) -> Iterator[tuple[str, int]]:
-    """Yield kind and number of each whole run of a command."""
+    """Yield kind and number of each complete run of a command."""
     for kind in fuzzing.WHOLE:
         for number in range(count):
             yield kind, number
 
 
 def earlier(folder: Path | None) -> dict:
-    """Return what an earlier run found, of which the kinds that are not run again are kept."""
+    """Return the report of an earlier run; kinds that are not run again are kept."""
     path = folder / "fuzz.json" if folder else None
     return json.loads(path.read_text()) if path and path.is_file() else {}
 
@@ -122,7 +122,7 @@ def run(seed: int, waiting: list[tuple[str, int]]) -> Iterator[dict]:
 
 
 def answers(pipe: Connection, process: multiprocessing.process.BaseProcess) -> Iterator[dict]:
-    """Yield the answers of a process until it has ended, and what ended it if it was not its work."""
+    """Yield the answers of a process until it ends, and the reason if it did not finish its work."""
     patience = fuzzing.WHOLE_LIMIT_S + 120.0  # imports, and the run that later cases break
     while True:
         if not pipe.poll(patience):
@@ -162,7 +162,7 @@ def work(pipe: Connection, seed: int, waiting: list[tuple[str, int]]) -> None:
 
 
 def large() -> dict:
-    """Return what an import of two million rows takes."""
+    """Return the cost of an import of two million rows."""
     with tempfile.TemporaryDirectory() as name:
         path, out = Path(name) / "walk.csv", Path(name) / "out"
         with path.open("w") as file:
@@ -179,7 +179,7 @@ def large() -> dict:
 
 
 def tabulated(rows: list[dict], before: dict) -> dict:
-    """Return the table by kind, and every case that ended as none may."""
+    """Return the table by kind, and every case with a forbidden end."""
     kinds = {}
     for kind in fuzzing.KINDS:
         mine = [row for row in rows if row["kind"] == kind]

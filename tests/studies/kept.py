@@ -1,4 +1,4 @@
-"""Cases of a long study kept line by line, so that it goes on where it ended, on any machine."""
+"""Cases of a long study, kept line by line, so that it can continue on any machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gaitopt.core.json import to_json
 
 
 def read_kept(path: Path, seed: int | None = None) -> list[dict[str, Any]]:
-    """Return the cases that are done, refusing those of another seed where a study has but one."""
+    """Return the finished cases; refuse those of another seed if a study has only one."""
     rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
     others = {row["seed"] for row in rows} - {seed}
     if seed is not None and others:
@@ -24,13 +24,13 @@ def read_kept(path: Path, seed: int | None = None) -> list[dict[str, Any]]:
 
 
 def write_kept(path: Path, rows: Iterable[dict[str, Any]]) -> None:
-    """Write the cases that are done, one a line."""
+    """Write the finished cases, one per line."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, "".join(to_json(row, None) for row in rows))
 
 
 CODE = ("gaitopt", "problems", "tests", "pyproject.toml")
-"""What a result depends on; what is recorded meanwhile is not of it."""
+"""The code that a result depends on; results that are recorded meanwhile do not count."""
 
 
 def version() -> str:

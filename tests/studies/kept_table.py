@@ -1,4 +1,4 @@
-"""A table of a study that is kept row by row, so that it goes on where it ended."""
+"""A table of a study, kept row by row, so that the study can continue."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class KeptTable:
     """A CSV file that grows row by row and keeps what an earlier run has written."""
 
     def __init__(self, path: Path, keys: Sequence[str]):
-        """Read what is there.
+        """Read the existing file.
 
         Args:
             path: the file.
-            keys: columns that together tell rows, or groups of rows, apart.
+            keys: columns that together identify a row, or a group of rows.
         """
         self.path = path
         self.keys = keys
@@ -34,7 +34,7 @@ class KeptTable:
         return [row for row in self.rows if all(row[name] == value for name, value in key.items())]
 
     def fill(self, key: Row, make: Callable[[], Iterable[Row]]) -> list[Row]:
-        """Return the rows of a key; make them and write the file if they are not there."""
+        """Return the rows of a key; if they do not exist, make them and write the file."""
         assert tuple(key) == tuple(self.keys)
         found = self.find(**key)
         if not found:
@@ -47,7 +47,7 @@ class KeptTable:
         return found
 
     def write(self) -> None:
-        """Write the file whole."""
+        """Write the complete file."""
         text = io.StringIO()
         columns = dict.fromkeys(name for row in self.rows for name in row)
         writer = csv.DictWriter(text, columns, lineterminator="\n")

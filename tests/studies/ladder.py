@@ -1,14 +1,14 @@
-"""The fidelity ladder: how cheaper rungs rank the neighbours of a good gait, and what a search on one loses.
+"""The fidelity ladder: how cheaper rungs rank the neighbours of a good gait, and what a search loses on them.
 
     python tests/studies/ladder.py ranks --out results/profile
     python tests/studies/ladder.py searches --out results/profile
     python tests/studies/ladder.py table --out results/profile
 
-*ranks*: neighbours of each search's start, drawn with its first standard deviation, are judged at the
-working fidelity, on cheaper rungs, at the reference, and once more at the working fidelity from other
-start poses, which is chance alone. *searches*: the same search with every population at the working
-fidelity and with a rung forced on it, whatever its rank correlation; the winner is chosen and verified as
-in `gaitopt optimise`. Each record is a line of ``ladder.jsonl``, and a second call goes on.
+*ranks*: neighbours of each search's start, drawn with its first standard deviation, are judged at the working
+fidelity, on cheaper rungs, and at the reference. They are judged again at the working fidelity from other
+start poses; this shows chance alone. *searches*: the same search with every population at the working
+fidelity, and with a forced rung, without the check of its rank correlation. The best gait is selected and
+verified as in `gaitopt optimise`. Each record is a line of ``ladder.jsonl``, and a second call continues.
 
 Cost: 12 min of one core.
 """
@@ -74,7 +74,7 @@ def problem_of(case: str) -> Problem:
 
 
 def evaluator_of(problem: Problem, seed: int) -> Evaluator:
-    """Return what a search of a seed judges gaits by."""
+    """Return the evaluator of a search with a seed."""
     return Evaluator(setting_of(problem, seed), SerialExecutor(), problem.objective.search_margin)
 
 
@@ -117,14 +117,14 @@ def _first(problem: Problem, seed: int) -> list[Floats]:
 
 
 def forced(rung: str | None) -> StudySettings:
-    """Settings with which every search descends to a rung, whatever it is worth."""
+    """Settings with which every search uses a rung, without the check."""
     steps = (ladder.Step(rung, RUNGS[rung]),) if rung else ()
     from_gaits = 0 if rung else sys.maxsize
     return StudySettings(ladder=ladder.LadderSettings(from_gaits, trusted=-1.0, steps=steps))
 
 
 def search(case: str, seed: int, rung: str | None) -> dict[str, Any]:
-    """Return what a search spent, in steps of the working fidelity, and what its winner is worth."""
+    """Return the effort of a search, in steps of the working fidelity, and the cost of its best gait."""
     problem, (_, warm, _, budget) = problem_of(case), CASES[case]
     evaluator = evaluator_of(problem, seed)
     starts, elites = judged(evaluator), planned(case, seed) if warm else ()
@@ -150,7 +150,7 @@ def search(case: str, seed: int, rung: str | None) -> dict[str, Any]:
 
 
 def table(records: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return means over seeds, and how each rung's searches compare with the same seed's own."""
+    """Return means over seeds, and the searches on each rung compared with those of the same seed without."""
     result: dict[str, Any] = {}
     for case in CASES:
         ranked = [r for r in records if r["case"] == case and r["kind"] == "ranks"]

@@ -1,12 +1,12 @@
-"""How much better is the best gait that 20,000 evaluations find than the winner of a plain run?
+"""How much better is the best gait of 20,000 evaluations than that of an ordinary run?
 
     python tests/studies/long_search.py --out results/long-search
 
-One nominal scenario of ArcFold, the file's horizon, the coarsest step whose ranking holds. Half of the gaits
-go to CMA-ES from the best planned elite, half to CMA-ES from the best of 1,000 quasi-random gaits; both
-restart with doubled populations at random points. The winner, and those of plain runs named by ``--runs``,
-are then simulated in 32 scenarios that no search has seen, at the working fidelity. Where the folder holds
-the long search's winner it is not searched for again.
+One nominal scenario of ArcFold, the horizon of the problem file, the largest timestep that still ranks gaits
+well. CMA-ES spends half of the gaits from the best planned gait, and half from the best of 1,000 quasi-random
+gaits. Both restart with doubled populations at random points. The best gait, and those of ordinary runs named
+by ``--runs``, are then simulated in 32 scenarios that no search has seen, at the working fidelity. If the
+folder contains the best gait of the long search, the search is not repeated.
 
 Cost: about 12 min of one core (estimated from its simulated seconds).
 """
@@ -38,7 +38,7 @@ SCENARIOS = 32
 
 
 def main() -> None:
-    """Search where that has not been done, compare, and write ``long-search.json`` and the winner."""
+    """Search if that was not done, compare, and write ``long-search.json`` and the best gait."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--budget", type=int, default=20_000)
     parser.add_argument("--runs", nargs="*", default=["results/arcfold"], help="run folders to compare with")

@@ -1,11 +1,12 @@
-"""What the next experiment is worth: the set named before and after it, beside random gaits.
+"""What the next experiment is worth: the named set before and after it, compared with random gaits.
 
     python tests/studies/next_experiment.py --work /tmp/next --out results/blind
 
-Blind cases of one effect are filmed on one gait, with the marker's x alone, until enough of them are
-ambiguous. Each of those is then filmed on the gait that its diagnosis proposed, and on random ones: the same
-robot with the same numerics, and the first recording to the last bit as it was. OUT/next-experiment.jsonl has
-one line for each case that is done, all that the study needs to go on elsewhere.
+Blind cases of one effect are filmed in one gait, with the marker's x alone, until enough of them are
+ambiguous. Each of these is then filmed in the gait that its diagnosis proposed, and in random ones. The robot
+and the numerics stay the same, and the first recording stays the same to the last bit.
+OUT/next-experiment.jsonl has one line for each finished case; nothing else is needed to continue on another
+machine.
 
 Cost: about 2 h of two cores.
 """
@@ -41,7 +42,7 @@ FIRST = "square-2s"
 SECONDS = 8.0
 SIGNALS = ("marker.x",)
 RANDOM = 2
-"""Random gaits a case."""
+"""Random gaits per case."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class Study:
     executor: Executor
 
     def film(self, draw: Draw, index: int, folder: Path, gait: Gait | None = None) -> Path:
-        """Write the case's data set, with the recording of one more gait where there is one."""
+        """Write the case's data set, with the recording of one more gait if there is one."""
         factory = self.factory
         folder.mkdir(parents=True, exist_ok=True)
         if gait is not None:
@@ -79,7 +80,7 @@ class Study:
         return diagnose(simulator, dataset, DiagnosisRequest(1, None, next_gait), self.executor)
 
     def case(self, index: int, work: Path) -> dict[str, Any]:
-        """Return what became of one case: the set before, and after each of the gaits."""
+        """Return the result of one case: the set before, and after each of the gaits."""
         rng = np.random.default_rng([self.seed, 40, index])
         draw = draw_case(self.factory, "single", rng, self.executor).draw
         truth = draw.planted[0].hypothesis.effect.name
@@ -102,7 +103,7 @@ class Study:
         try:
             folder = self.film(draw, index, work / f"{index:03d}-{gait.name}", gait)
             return _answer(self.diagnosed(folder, False), truth) | {"period_s": gait.period_s}
-        except GaitoptError as error:  # such as a gait that the robot cannot walk: it has told nothing
+        except GaitoptError as error:  # such as a gait that the robot cannot walk: it gives no information
             return {"verdict": f"not filmed: {error}", "named": None, "truth_in": None}
 
 
@@ -159,7 +160,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _compared(used: list[dict[str, Any]], size: Callable[..., float]) -> dict[str, Any]:
-    """Return the sizes after the proposed gait and after random ones, side by side."""
+    """Return the sizes after the proposed gait and after random ones, case by case."""
     proposed = [size(row["proposed"], row["before"]) for row in used]
     random = [float(np.mean([size(r, row["before"]) for r in row["random"]])) for row in used]
     return {
@@ -172,12 +173,12 @@ def _compared(used: list[dict[str, Any]], size: Callable[..., float]) -> dict[st
 
 
 def _size(after: dict[str, Any], before: dict[str, Any]) -> float:
-    """Return how many effects are named; as many as before where nothing was learnt."""
+    """Return how many effects are named; as many as before if there is no new information."""
     return float(len(after["named"] or before["named"]))
 
 
 def _size_if_true(after: dict[str, Any], before: dict[str, Any]) -> float:
-    """Return the same, an answer without the truth being no answer."""
+    """Return the same, but an answer without the truth counts as no answer."""
     return _size(after, before) if after["truth_in"] else float(len(before["named"]))
 
 

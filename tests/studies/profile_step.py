@@ -1,11 +1,11 @@
-"""What a step costs, what it goes to, and what cheaper choices would cost in accuracy.
+"""What a step costs, how the cost divides, and what cheaper choices lose in accuracy.
 
     python tests/studies/profile_step.py --out results/profile
 
-The parts of a step are MuJoCo's own timers, read in a loop from Python, so their sum is more than a step
-costs in a compiled rollout; their shares are what counts. Choices are compared over the baselines and
-planned gaits and their neighbours: rank correlation (Spearman) and error of speed and cost against
-5e-4 s, and the processor time of a step.
+The parts of a step are MuJoCo's own timers, read in a loop from Python, so their sum is more than the cost of
+a step in a compiled rollout. Only their shares count. Choices are compared over the baselines and planned
+gaits and their neighbours: rank correlation (Spearman) and error of speed and cost against 5e-4 s, and the
+processor time of a step.
 
 Cost: about 10 min of one core (estimated).
 """
@@ -49,7 +49,7 @@ PARTS = {
 """Parts of a step, and MuJoCo's timers of them."""
 
 BLIND = 0.05
-"""Speeds below this, m/s, are no gaits that anyone looks for: errors are of the faster ones."""
+"""Gaits slower than this, m/s, are of no interest: errors are those of faster gaits."""
 
 STEPS, TURNS = 2000, 15
 """Steps of a gait that are timed, and how often."""
@@ -58,9 +58,9 @@ Edit = Callable[[mujoco.MjModel], None]
 
 
 def parts(simulator: Simulator, gait: Gait) -> dict[str, float]:
-    """Return microseconds a step by part, and how much less it is without sensors: least of `TURNS`.
+    """Return microseconds per step by part, and the saving without sensors: the least of `TURNS`.
 
-    MuJoCo's timers are clocks, and whatever else runs on the machine adds to them.
+    MuJoCo's timers are clocks, so other work on the machine adds to them.
     """
     model = simulator.models[0]
     bare = _with(model, _without_sensors)
@@ -77,7 +77,7 @@ def parts(simulator: Simulator, gait: Gait) -> dict[str, float]:
 
 
 def _stepped(model: mujoco.MjModel, data: mujoco.MjData, commands: NDArray[np.float64]) -> float:
-    """Step through commands and return microseconds a step."""
+    """Step through commands and return microseconds per step."""
     mujoco.mj_resetDataKeyframe(model, data, model.keyframe(START).id)
     began = time.process_time()
     for row in commands:
@@ -130,7 +130,7 @@ CHOICES: dict[str, tuple[float, Edit]] = {
     "1e-3 s, no islands": (1e-3, _one_island),
     "1e-3 s, pyramidal cone": (1e-3, _pyramidal),
 }
-"""What is tried: a timestep and an edit of the model."""
+"""One choice: a timestep and an edit of the model."""
 
 
 def _with(model: mujoco.MjModel, edit: Edit) -> mujoco.MjModel:
@@ -142,7 +142,7 @@ def _with(model: mujoco.MjModel, edit: Edit) -> mujoco.MjModel:
 def choice(
     problem: Problem, gaits: Sequence[Gait], timestep_s: float, edit: Edit
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Return speed, m/s, and cost of each gait, and microseconds a step of whole rollouts."""
+    """Return speed, m/s, and cost of each gait, and microseconds per step of complete rollouts."""
     fidelity = problem.simulation.working.model_copy(update={"timestep_s": timestep_s})
     simulator = Simulator.build(problem, fidelity=fidelity)
     edit(simulator.models[0])

@@ -1,18 +1,18 @@
-"""What a search costs until it is near the best gait: gaitopt beside what a user would otherwise reach for.
+"""What a search costs until it is near the best gait: gaitopt compared with other optimisers.
 
     pip install '.[benchmark]'
     python tests/studies/rivals.py --out results/rivals
 
-Three problems, each a black box over the unit box, the same for every method: ArcFold (one nominal
-scenario, the file's horizon of 2 + 4 s, the coarsest step whose ranking holds), the planar model of
-ArcFold by plain integration, and the tests' strider. Every method gets the same budget of gaits and the
-same seeds. Each run is one line of ``runs.jsonl``, written when it ends; a second call goes on. Runs go
-seed by seed, so that a study that is stopped compares all methods on the same seeds.
+Three problems, each a black box over the unit box, the same for every method: ArcFold (one nominal scenario,
+the file's horizon of 2 + 4 s, the largest timestep that still ranks well), the planar model of ArcFold,
+integrated in time, and the tests' strider. Every method gets the same budget of gaits and the same seeds.
+Each run is one line of ``runs.jsonl``, written when it ends; a second call continues. Runs go seed by seed,
+so that a study that is stopped compares all methods on the same seeds.
 
-Counted are gaits and simulated seconds; a plan is charged with its own time, as the simulated seconds
-that the same core would have computed in it. The time that an optimiser thinks is charged to none.
+Gaits and simulated seconds are counted. The time of a plan counts as the seconds that the same core would
+have simulated in it. The computing time of an optimiser itself is not counted.
 
-Cost: 75 min of one core, and as much again for the time that optimisers think.
+Cost: 75 min of one core, and as much again for the optimisers themselves.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from gaitopt.simulation.setup import RobotSetup
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 
 COARSEST = {"timestep_s": 2e-3}
-"""Ranks ArcFold's gaits much as 5e-4 s does (Spearman 0.95), 4e-3 s no longer (0.67): results/profile."""
+"""It ranks ArcFold's gaits like 5e-4 s (Spearman 0.95); 4e-3 s does not (0.67): results/profile."""
 
 PLANAR_WIDTH = 0.03
 """Friction width of the planar black box, m/s."""
@@ -69,7 +69,7 @@ class SpentError(Exception):
 
 
 class PlanarEvaluator:
-    """Speed of the planar model's periodic motion, in the place of an `Evaluator`."""
+    """Speed of the planar model's periodic motion, used like an `Evaluator`."""
 
     def __init__(self, problem: Problem):
         self.setup = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
@@ -125,7 +125,7 @@ class BlackBox:
 
 
 def evaluator_of(case: str) -> Any:
-    """Return what judges the gaits of a case."""
+    """Return the evaluator of a case."""
     if case == "planar":
         return PlanarEvaluator(load_problem("arcfold"))
     problem = load_problem("arcfold" if case == "arcfold" else ROBOTS / case)
@@ -135,7 +135,7 @@ def evaluator_of(case: str) -> Any:
     return Evaluator(RobotSetup.of(problem, (NOMINAL,), fidelity), SerialExecutor())
 
 
-# --- rivals -----------------------------------------------------------------------------------
+# --- other optimisers -------------------------------------------------------------------------
 
 
 def random_search(box: BlackBox, seed: int) -> None:
@@ -149,7 +149,7 @@ def best_of_n(box: BlackBox, seed: int) -> None:
     """Half of the budget on scrambled Sobol points, half on Nelder–Mead from the best of them."""
     points = qmc.Sobol(box.dimension, rng=np.random.default_rng(seed)).random(box.budget // 2)
     costs = [box(point) for point in points]
-    while True:  # SciPy's own first simplex; begun anew where it has shrunk
+    while True:  # SciPy's own first simplex; restarted when it has shrunk
         best = points[int(np.argmin(costs))]
         optimize.minimize(box, best, method="Nelder-Mead", bounds=[(0.0, 1.0)] * box.dimension)
 
@@ -183,7 +183,7 @@ def _cma_options(seed: int) -> dict[str, object]:
 
 
 def differential_evolution(box: BlackBox, seed: int) -> None:
-    """SciPy's, with populations of 5 a coordinate: its own 15 would see two generations."""
+    """SciPy's, with populations of 5 per coordinate: with its default of 15 it would make two generations."""
     bounds = [(0.0, 1.0)] * box.dimension
     optimize.differential_evolution(
         box, bounds, popsize=5, maxiter=10**6, tol=0.0, polish=False, rng=np.random.default_rng(seed)
@@ -198,7 +198,7 @@ def optuna_tpe(box: BlackBox, seed: int) -> None:
 
 
 def optuna_cma(box: BlackBox, seed: int) -> None:
-    """Optuna's CMA-ES sampler, as it comes."""
+    """Optuna's CMA-ES sampler with its defaults."""
     import optuna
 
     _optuna(box, optuna.samplers.CmaEsSampler(seed=seed))
@@ -247,7 +247,7 @@ RIVALS: dict[str, Callable[[BlackBox, int], None]] = {
 
 
 def default(record: Recorded, seed: int) -> float:
-    """The default method, from a plan where the problem has one; return the plan's own time, s."""
+    """The default method, from a plan if the problem has one; return the plan's time, s."""
     return _study(record, seed, warm=record.plans)
 
 
@@ -274,10 +274,10 @@ def _study(record: Recorded, seed: int, warm: bool, method: Method = DEFAULT_MET
 
 
 class Recorded:
-    """An evaluator that remembers what gaits cost.
+    """An evaluator that keeps the costs of gaits.
 
     Attributes:
-        plans: whether the case is one that a plan helps: a plan of the planar black box is its optimum.
+        plans: whether a plan is used: a plan of the planar black box would be its optimum.
     """
 
     def __init__(self, case: str):
@@ -294,7 +294,7 @@ class Recorded:
         self.simulated_s += [one.simulated_s for one in rows]
         return rows
 
-    race = __call__  # one scenario: nobody can be dropped early
+    race = __call__  # one scenario: no gait can be dropped early
 
 
 OURS = {"gaitopt": default, "gaitopt, cold": cold, "gaitopt, no surrogate": without_surrogate}
@@ -304,16 +304,16 @@ OURS = {"gaitopt": default, "gaitopt, cold": cold, "gaitopt, no surrogate": with
 
 
 def run_rival(case: str, method: str, seed: int) -> dict[str, Any]:
-    """Return the record of one run of a rival."""
+    """Return the record of one run of another optimiser."""
     box = BlackBox(evaluator_of(case), CASES[case])
     with suppress(SpentError), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # each has some, of its own matters
+        warnings.simplefilter("ignore")  # each method prints its own warnings
         RIVALS[method](box, seed)
     return {"improvements": improvements(box.costs, box.simulated_s), **totals(box.costs, box.simulated_s)}
 
 
 def run_ours(case: str, method: str, seed: int) -> dict[str, Any]:
-    """Return the record of one run of gaitopt, with what its plan would have simulated meanwhile."""
+    """Return the record of one run of gaitopt, with the simulated seconds that its plan counts as."""
     record = Recorded(case)
     record(list(record.setup.problem.baselines.values()))  # compiles
     began = time.process_time()
@@ -340,12 +340,12 @@ def improvements(costs: list[float], simulated_s: list[float]) -> list[list[floa
 
 
 def totals(costs: list[float], simulated_s: list[float]) -> dict[str, float]:
-    """Return what a run spent in all."""
+    """Return the total effort of a run."""
     return {"evaluations": len(costs), "simulated_s": round(sum(simulated_s), 3)}
 
 
 def mark(case: str) -> str:
-    """Return the cost of the middle of the box to the last bit: it tells one objective from another."""
+    """Return the cost of the middle of the box to the last bit, which identifies the objective."""
     box = BlackBox(evaluator_of(case), 1)
     return repr(box(np.full(box.dimension, 0.5)))
 

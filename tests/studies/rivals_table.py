@@ -2,9 +2,9 @@
 
     python tests/studies/rivals_table.py --out results/rivals
 
-The target is a share of the lowest cost known: of any run here, or of a longer search given with
-``--known``. Expected running time is all that was spent by a method's runs over the number of them that
-reached the target (Hansen et al., COCO).
+The target is a share of the lowest cost known: of any run here, or of a longer search given with ``--known``.
+The expected running time is the total effort of a method's runs divided by the number of them that reached
+the target (Hansen et al., COCO).
 
 Cost: seconds.
 """
@@ -37,7 +37,7 @@ Run = dict[str, Any]
 
 
 def spent_until(run: Run, target: float) -> tuple[float, float, bool]:
-    """Return gaits and simulated seconds spent until a cost is reached, or in all; whether it was."""
+    """Return gaits and simulated seconds until a cost is reached, else in total; and if it was."""
     plan = run.get("plan_simulated_s", 0.0)
     for gaits, seconds, cost in run["improvements"]:
         if cost <= target:
@@ -100,7 +100,7 @@ def _cell(row: dict[str, Any]) -> str:
 
 
 def curve(runs: Sequence[Run], best: float, column: int) -> tuple[list[float], list[float]]:
-    """Return what is spent and the share of run-target pairs reached by then, as steps."""
+    """Return the effort and the share of run-target pairs reached by then, as steps."""
     hits = [spent_until(run, share * best) for run in runs for share in CURVE]
     reached = sorted(hit[column] for hit in hits if hit[2])
     return reached, [(i + 1) / len(hits) for i in range(len(reached))]

@@ -1,4 +1,4 @@
-"""A search as `gaitopt optimise` makes it, without its folder: what studies watch, or change a part of."""
+"""A search like that of `gaitopt optimise`, without its folder; studies observe or change parts of it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def planned(problem: Problem, seed: int) -> tuple[Gait, ...]:
 
 
 def setting_of(problem: Problem, seed: int) -> RobotSetup:
-    """Return what a search of a seed judges gaits at."""
+    """Return the settings at which a search with a seed judges gaits."""
     return RobotSetup.of(
         problem, scenarios_of(problem, seed, Stream.SEARCH_SCENARIOS), problem.simulation.working
     )
@@ -53,12 +53,12 @@ def search(
     """Return a search once it has spent its budget.
 
     Args:
-        evaluator: an `Evaluator`, or what stands in its place.
+        evaluator: an `Evaluator`, or an object that replaces it.
         budget: gaits, beside the baselines.
         seed: of the search.
         starts: the baselines with their costs.
-        elites: gaits of a plan; without them the search starts cold.
-        laddered: whether it may descend to cheaper rungs.
+        elites: gaits of a plan; without them the search has no warm start.
+        laddered: whether it may use cheaper rungs.
         settings: how the study searches.
         method: the stages of the search.
     """

@@ -1,4 +1,4 @@
-"""How fast is the real robot's servo? Two real trials beside the model, for a range of servos.
+"""How fast is the real robot's servo? Two real trials compared with the model, for a range of servos.
 
     python tests/studies/servo_choice.py --trials DIR --out results/convergence
 
@@ -106,7 +106,7 @@ Features = dict[str, NDArray[np.float64]]
 def features(
     time: NDArray[np.float64], forward: NDArray[np.float64], period: float, begin: float, cycles: int
 ) -> Features:
-    """Return what each cycle's extension does.
+    """Return the features of each cycle's extension.
 
     Args:
         time: s, shape (n,).
@@ -116,9 +116,9 @@ def features(
         cycles: how many.
 
     Returns:
-        Per cycle: ``stride``, net travel, mm; ``rise``, from the least to the largest position in the
-        window around the extension, mm; ``setback``, what is lost of the rise within the cycle, mm;
-        ``rise_time``, from a tenth to nine tenths of the rise, s.
+        Per cycle: ``stride``, net travel, mm; ``rise``, from the smallest to the largest position in the
+        window around the extension, mm; ``setback``, the part of the rise that is lost within the cycle, mm;
+        ``rise_time``, from 10 to 90 % of the rise, s.
     """
     starts = begin + period * np.arange(cycles + 1)
     stride = np.diff(np.interp(starts, time, forward))
@@ -209,7 +209,7 @@ def simulated(problem: Problem, executor: Executor) -> Row:
 
 @contextmanager
 def welded() -> Iterator[Problem]:
-    """Give the nominal problem with its loop closed by a weld, as drawn, in place of joint angles."""
+    """Give the nominal problem with its loop closed by a weld, as published, not by joint angles."""
     problem = NOMINAL.problem()
     root = ET.fromstring(problem.model_path.read_text(encoding="utf-8"))
     equality = root.find("equality")

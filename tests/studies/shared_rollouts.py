@@ -1,7 +1,8 @@
 """Rollouts shared between blind cases: every diagnosis tries the same robots first, on the same gaits.
 
-What is simulated a second time is kept for the third, a little longer than asked for, since recordings begin
-when they like; and cut to what is asked for it has the same bits as a rollout of its own.
+A rollout that is requested a second time is kept for the third. It is simulated a little longer than
+requested, because recordings begin at any time. Cut to the requested length, it has the same bits as a
+separate rollout.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
 MOST = 1300
-"""Rollouts kept, the latest asked for: 4 MB each, and what diagnoses of ArcFold share are some 1100."""
+"""Number of rollouts kept, the latest requested ones: 4 MB each. Diagnoses of ArcFold share about 1100."""
 
 
 @contextmanager
@@ -29,7 +30,7 @@ def shared_rollouts(longest: Mapping[str, float]) -> Iterator[None]:
     """Share rollouts within the block.
 
     Args:
-        longest: for each gait, by `gait_key`, the longest rollout that any case may ask for, s.
+        longest: for each gait, by `gait_key`, the longest rollout that any case may need, s.
     """
     own = Simulator.run
     seen: set[str] = set()

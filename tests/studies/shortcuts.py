@@ -1,12 +1,12 @@
-"""Ways to simulate less, and what each would get wrong: what was kept and what was thrown out.
+"""Ways to simulate less, and the error of each: which were kept and which rejected.
 
     python tests/studies/shortcuts.py --out results/profile
 
-On ArcFold at 2e-3 s, over quasi-random gaits and the neighbourhoods of planned ones, as a search sees
-them. (1) End a rollout when two cycles move the robot alike: seconds saved, and the error of going on by
-the last cycle's motion, turned as the robot turns. (2) Judge a gait by a shorter window: how it ranks
-neighbours. (3) Drop the worst of a neighbourhood after one scenario of three: how many of the best are
-lost, and the seconds saved.
+On ArcFold at 2e-3 s, over quasi-random gaits and the neighbourhoods of planned ones, as a search sees them.
+(1) End a rollout when two cycles move the robot equally: seconds saved, and the error if the last cycle's
+motion is repeated, turned as the robot turns. (2) Judge a gait by a shorter window: how it ranks neighbours.
+(3) Drop the worst of a neighbourhood after one scenario of three: how many of the best are lost, and the
+seconds saved.
 
 Cost: about 10 min of one core (estimated).
 """
@@ -37,7 +37,7 @@ from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Simulator
 
 POPULATION = 12
-"""Neighbours of a planned gait: as many as CMA-ES asks for at once."""
+"""Neighbours of a planned gait: as many as a population of CMA-ES."""
 
 SPREAD = 0.05
 """Their standard deviation, in units of the box."""
@@ -72,7 +72,7 @@ def forward(own: Floats, turns: Floats, first: int) -> float:
 def steady(
     gaits: Sequence[Gait], trajectories: Sequence[Trajectory], problem: Problem
 ) -> list[dict[str, Any]]:
-    """Return, by tolerance, what ending at a periodic motion saves and how wrong the speed is."""
+    """Return, by tolerance, the saving of ending at a periodic motion and the error of the speed."""
     rows = []
     for tolerance in TOLERANCES:
         whole = ended = 0.0

@@ -1,16 +1,16 @@
-"""Rollouts that could end early because their gait has fallen or cannot win: what ending them would save.
+"""Rollouts that could end early because their gait has fallen or is too slow: what this would save.
 
     python tests/studies/stopping.py --out results/profile
 
-Real searches by the default method are watched, the race over scenarios as it is: every rollout is kept
-whole, and each rule says afterwards when it would have ended it.
+Real searches by the default method are observed, with the race over scenarios. Every rollout is simulated to
+its end, and each rule says afterwards when it would have ended it.
 
 - *fallen*: once the first body has tilted beyond the problem's limit, anywhere or inside the measured
-  cycles, where it is a violation for sure.
+  cycles, where it is certainly a violation.
 - *hopeless*: once some time was measured, the speed so far is below a share of the speed of the best gait
-  known when the population was asked for. The gait is then judged by what was measured. It was wrong
-  where the gait, measured to its end, is among the better half of its population, which is what CMA-ES
-  learns from, or becomes the best gait known.
+  known when the population was drawn. The gait is then judged by what was measured. The rule was wrong if the
+  gait, measured to its end, is in the better half of its population, from which CMA-ES learns, or becomes the
+  best gait known.
 
 Savings are shares of the simulated seconds of the whole search.
 
@@ -44,10 +44,10 @@ from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Simulator
 
 SHARES = (0.0, 0.25, 0.5, 0.75)
-"""Shares of the best speed known below which a gait is given up."""
+"""Shares of the best speed known; slower gaits are ended."""
 
 MEASURED = (0.1, 0.25, 0.5)
-"""After which share of the measured time this is looked at."""
+"""Shares of the measured time after which this is checked."""
 
 CASES = {
     "arcfold, from a plan": ("arcfold", True, 2, 120),
@@ -97,19 +97,19 @@ def watched(problem: Problem, gait: Gait, path: Trajectory) -> Watched:
 
 @dataclass(frozen=True)
 class Watching(Evaluator):
-    """An evaluator that keeps what every rollout was like, by gait and scenario, and every population."""
+    """An evaluator that keeps the features of every rollout, by gait and scenario, and every population."""
 
     seen: dict[tuple[str, int], Watched] = field(default_factory=dict)
     raced: list[list[str]] = field(default_factory=list)
     built: list[Simulator] = field(default_factory=list)
 
     def race(self, gaits: Sequence[Gait]) -> list[Evaluated]:
-        """Return evaluation and outcomes of a population, and keep who was in it."""
+        """Return evaluation and outcomes of a population, and keep its gaits."""
         self.raced.append([gait.name for gait in gaits])
         return super().race(gaits)
 
     def outcomes(self, gaits: Sequence[Gait], scenarios: Sequence[int] | None = None) -> list[list[Outcome]]:
-        """Return the outcome of each gait in each scenario, and keep what they were like."""
+        """Return the outcome of each gait in each scenario, and keep the features of the rollouts."""
         scenarios = range(len(self.setup.scenarios)) if scenarios is None else scenarios
         return [[self._outcome(gait, scenario) for scenario in scenarios] for gait in gaits]
 
@@ -124,7 +124,7 @@ class Watching(Evaluator):
 
 
 def search(problem: Problem, seed: int, budget: int, warm: bool) -> tuple[list[Entry], Watching, float]:
-    """Return a search's entries, what its rollouts were like, and the best speed of the baselines."""
+    """Return a search's entries, the features of its rollouts, and the best speed of the baselines."""
     evaluator = Watching(setting_of(problem, seed), SerialExecutor(), problem.objective.search_margin)
     evaluations = [one.evaluation for one in evaluator(list(problem.baselines.values()))]
     starts = [
@@ -136,7 +136,7 @@ def search(problem: Problem, seed: int, budget: int, warm: bool) -> tuple[list[E
 
 
 def fallen(entries: Sequence[Entry], evaluator: Watching) -> dict[str, float]:
-    """Return how many gaits tilt beyond the limit, and what ending there would save."""
+    """Return how many gaits tilt beyond the limit, and the saving of ending there."""
     rows = [rollouts(entry, evaluator) for entry in entries]
     whole = sum(one.duration for row in rows for one in row)
     saved = {
@@ -163,7 +163,7 @@ def rollouts(entry: Entry, evaluator: Watching) -> list[Watched]:
 def hopeless(
     entries: Sequence[Entry], evaluator: Watching, baseline: float, share: float, moment: int
 ) -> dict[str, float]:
-    """Return what giving up the hopeless saves, and how often it is wrong."""
+    """Return the saving of ending slow gaits, and how often it is wrong."""
     whole = sum(one.duration for entry in entries for one in rollouts(entry, evaluator))
     saved, ended, wrong, bests, total = 0.0, 0, 0, 0, 0
     named = {entry.gait.name: entry for entry in entries}
@@ -176,7 +176,9 @@ def hopeless(
         for entry in population:
             rows = rollouts(entry, evaluator)
             total += 1
-            if rows[0].speeds[moment] < share * known:  # the first scenario decides, and is then the only one
+            if (
+                rows[0].speeds[moment] < share * known
+            ):  # the first scenario decides, and the others are not run
                 saved += sum(one.duration for one in rows) - rows[0].looked[moment]
                 ended += 1
                 wrong += any(entry is one for one in better)
@@ -198,7 +200,7 @@ def pooled(rows: Sequence[dict[str, float]]) -> dict[str, float]:
 
 
 def main() -> None:
-    """Watch the searches and write ``stopping.json``, case by case."""
+    """Observe the searches and write ``stopping.json``, case by case."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
     parser.add_argument("--out", type=Path, required=True)

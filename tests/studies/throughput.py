@@ -2,13 +2,13 @@
 
     python tests/studies/throughput.py --out results/throughput
 
-(a) the published model stepped as published: Python, one `mj_step` and one command a step.
+(a) the published model with its published loop: Python, one `mj_step` and one command per step.
 (b) the four baselines on the repaired model through `mujoco.rollout`, no sensors, buffers reused,
     output discarded, on one thread and on two.
 (c) the same gaits through the whole objective, commands, sensors, metrics and cost, on one worker
     and on two.
 
-All three run in turn, several times; machines are noisy, so the medians of each turn's ratios count.
+All three run in turn, several times. Machines are noisy, so the medians of the ratios of each repeat count.
 
 Cost: about 3 min of two cores (estimated).
 """
@@ -60,7 +60,7 @@ def published_loop(duration: float) -> float:
 
 
 class BareRollouts:
-    """The baselines through `mujoco.rollout` and nothing else."""
+    """The baselines through `mujoco.rollout` only."""
 
     def __init__(self) -> None:
         problem = load_problem("arcfold")

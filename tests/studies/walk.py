@@ -1,10 +1,10 @@
-"""The whole walk, as a reader does it: every command of the README and the tutorial, at full budget.
+"""Every command of the README and the tutorial, in order, at full budget.
 
     python tests/studies/walk.py [--budget N] [--out DIR]
 
 Run by hand, with the `gaitopt` that is on the path; two cores take about half an hour. The commands run in a
-new folder, on the robots as they are bundled, and `walk.csv` there says what each one took. The tests run the
-same commands with small budgets.
+new folder, on the robots as they are bundled, and `walk.csv` there has the time of each one. The tests run
+the same commands with small budgets.
 
 Cost: half an hour of two cores.
 """
@@ -22,12 +22,12 @@ from test_docs import ROOT, commands_in, film_of_a_robot, readme
 
 
 def walk(commands: list[str], folder: Path, budget: int | None) -> list[tuple[str, float]]:
-    """Run commands in a folder, one after another; the first that fails ends it.
+    """Run commands in a folder, one after another, until one fails.
 
     Args:
         commands: shell lines.
         folder: where they run.
-        budget: gaits of each search; None for what the line says.
+        budget: gaits of each search; None for the budget in the line.
 
     Returns:
         Each command with the seconds it took.
@@ -45,7 +45,7 @@ def walk(commands: list[str], folder: Path, budget: int | None) -> list[tuple[st
 
 
 def main() -> None:
-    """Walk through both pages."""
+    """Run the commands of both pages."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--budget", type=int, metavar="N", help="gaits of each search (default: as written)")
     parser.add_argument(

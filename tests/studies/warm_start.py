@@ -2,11 +2,11 @@
 
     python tests/studies/warm_start.py --out results/warm-start
 
-Both searches run the default method on `problems/arcfold`, one nominal scenario, working fidelity. The
-target is a share of the best cost known for the problem (the best of every run here and of the long
-searches given with `--known`). Expected running time is all that was spent over the number of successes
-(Hansen et al., COCO). The plan is charged with its own time, as the simulated seconds that the same
-core would have computed in it. Each run is stored when it ends, and a second call goes on.
+Both searches run the default method on `problems/arcfold`, one nominal scenario, working fidelity. The target
+is a share of the best cost known for the problem (the best of every run here and of the long searches given
+with `--known`). The expected running time is the total effort divided by the number of successes (Hansen et
+al., COCO). The time of the plan counts as the seconds that the same core would have simulated in it. Each run
+is stored when it ends, and a second call continues.
 
 Cost: about 10 min of two cores (estimated from its simulated seconds).
 """
@@ -57,7 +57,7 @@ def run(seed: int, warm: bool, budget: int) -> dict[str, object]:
 
 
 def spent_until(record: dict[str, object], target: float) -> tuple[float, float, bool]:
-    """Return evaluations and simulated seconds (the plan's charged) until the cost is reached."""
+    """Return evaluations and simulated seconds (plan included) until the cost is reached."""
     costs, simulated = np.array(record["costs"]), np.array(record["simulated_s"])
     charged = float(record["plan_s"]) * float(record["simulated_s_per_cpu_s"])  # type: ignore[arg-type]
     hits = np.flatnonzero(costs <= target)
@@ -66,7 +66,7 @@ def spent_until(record: dict[str, object], target: float) -> tuple[float, float,
 
 
 def expected_running_time(records: list[dict[str, object]], target: float) -> dict[str, float | None]:
-    """Return what was spent in all over the number of successes."""
+    """Return the total effort divided by the number of successes."""
     spent = [spent_until(record, target) for record in records]
     successes = sum(success for *_, success in spent)
     evaluations, seconds = (sum(row[i] for row in spent) for i in (0, 1))

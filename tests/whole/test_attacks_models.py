@@ -98,7 +98,7 @@ def test_what_a_parameter_writes_is_checked_too(tmp_path: Path, path: str, text:
     ],
 )
 def test_what_mujoco_compiles_is_checked_as_a_whole(tmp_path: Path, text: str) -> None:
-    """Whatever edited it before."""
+    """It does not matter what edited it before."""
     refused(lambda: checked_text(ET.fromstring(text), tmp_path / "m.xml", {}))
     root = ET.fromstring("<mujoco><worldbody/></mujoco>")
     root[0].set('a="1"/><include file="/x"/><b c', "1")
@@ -166,7 +166,7 @@ def test_a_pipe_or_a_device_is_one_line_for_every_command(
     odd = tmp_path / "odd"
     os.mkfifo(odd) if kind == "pipe" else make_device(odd)
     arguments = [str(word).format(odd=odd) for word in COMMANDS[what]]
-    signal.alarm(60)  # a command that waits ends the tests
+    signal.alarm(60)  # a command that waits fails the test
     code, said = run(capsys, *arguments)
     signal.alarm(0)
     if what == "the gait of a recording":  # it is taken for a baseline's name
@@ -178,7 +178,7 @@ def test_a_pipe_or_a_device_is_one_line_for_every_command(
 
 @pytest.mark.parametrize("name", ["../robot/m.obj", "{folder}/m.obj", "sub/../m.obj", "../out/m.obj"])
 def test_a_new_problem_writes_into_its_own_folder_alone(tmp_path: Path, name: str) -> None:
-    """A mesh in the robot's folder by a way that leads out of it: copied, it would lie elsewhere."""
+    """A mesh in the robot's folder, named by a path that leaves it; in a copy it would be elsewhere."""
     folder = problem_folder(tmp_path / "robot", STRIDER)
     (folder / "sub").mkdir()
     element = f'<asset><mesh name="m" file="{name.format(folder=folder)}"/></asset>'
@@ -337,11 +337,11 @@ code = app.main(sys.argv[1:])
 assert len(opened) > 50
 print(code, [str(path) for path in opened if "elsewhere" in str(path)])
 """
-"""Run a command, and print its exit code and the paths from elsewhere that Python opened."""
+"""Run a command, and print its exit code and the paths outside that Python opened."""
 
 
 def hostile_problems(folder: Path) -> list[Path]:
-    """Problems that reach for files elsewhere in every way that was thought of."""
+    """Problems that name files outside in every known way."""
     made = []
     for index, element in enumerate(HOSTILE_FOLDERS.values()):
         problem = with_element(

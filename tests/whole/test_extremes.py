@@ -1,4 +1,4 @@
-"""Extremes: figures, sizes and machines at the end of what can be."""
+"""Extreme figures, sizes and machines."""
 
 import ast
 import os
@@ -71,7 +71,7 @@ def test_empty_and_one_line_files_are_one_line(
 def test_a_file_that_vanishes_while_it_is_read_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Between looking and reading: each look finds the file, each read does not."""
+    """Between two steps: each check finds the file, and each read does not."""
     folder = problem_folder(tmp_path / "robot", STRIDER)
     monkeypatch.setattr(Path, "is_file", lambda self: True)
     for name in ("strider.xml", "problem.toml"):
@@ -81,7 +81,7 @@ def test_a_file_that_vanishes_while_it_is_read_is_one_line(
 
 
 def test_a_file_that_changes_while_it_is_read_is_read_as_it_was_or_refused(tmp_path: Path) -> None:
-    """Files are read whole, once: a problem and what is made of it agree."""
+    """Files are read once and completely, so a problem and its model agree."""
     problem = carrying(load_problem(problem_folder(tmp_path / "robot", STRIDER)))
     before = build_model(problem).key_qpos
     (tmp_path / "robot" / "strider.xml").write_text("<mujoco/>")
@@ -89,7 +89,7 @@ def test_a_file_that_changes_while_it_is_read_is_read_as_it_was_or_refused(tmp_p
 
 
 def test_no_figure_depends_on_a_clock_that_can_jump() -> None:
-    """`time.monotonic` cannot; the calendar's clock is read nowhere."""
+    """`time.monotonic` cannot jump; no other clock is read."""
     for path, tree in trees():
         for node in ast.walk(tree):
             called = ast.unparse(node.func) if isinstance(node, ast.Call) else ""

@@ -1,4 +1,4 @@
-"""Broken files that the fuzz found: each ends in one line, or is read as it should be."""
+"""Broken files that the fuzzing found: each ends in one line, or is read correctly."""
 
 import errno
 import json
@@ -170,7 +170,7 @@ def test_what_cannot_become_a_problem_leaves_nothing_behind(
     why: str,
     existed: bool,
 ) -> None:
-    """Once all is copied, over a name that no problem may have, or in a copy, when the disk is full."""
+    """After the copy, at a name that no problem may have, or during the copy, when the disk is full."""
     mjcf, out = problem_folder(tmp_path / "robot", STRIDER) / "strider.xml", tmp_path / "out"
     if why == "name":
         edited(mjcf, 'site name="nose"', 'site name="no&#x202e;se"')
@@ -195,7 +195,7 @@ def test_what_cannot_become_a_problem_leaves_nothing_behind(
 
 @pytest.fixture
 def finished(tmp_path: Path) -> Path:
-    """A run folder whose run says that it is done."""
+    """A run folder whose run is marked as done."""
     problem, request = load_problem(STRIDER), Request(budget=1)
     folder = RunFolder.create(tmp_path / "run", problem, request)
     row = {"name": "best", "period_s": 0.5, "speed_m_s": None, "speed_ci90_m_s": [None, None]}
@@ -238,7 +238,7 @@ def test_a_diagnosis_that_was_changed_is_one_line(
 
 @pytest.mark.parametrize("candidates", [[], ["servo_gain"]])
 def test_a_diagnosis_with_a_gap_of_no_part_has_an_answer(candidates: list[str]) -> None:
-    """Every part of it within the floor: the answer looked for the largest."""
+    """Every part of it is within the floor; the answer needed the largest."""
     gap = Gap(before=0.004, after=0.004, floor=0.001, ci90=(0.0, 0.0))
     found = SimpleNamespace(candidates=candidates, best=None, causes=[])
     said = answer(SimpleNamespace(gap=gap, verdict="unexplained", found=found, where=[], causes=[]))  # type: ignore[arg-type]
@@ -307,7 +307,7 @@ def test_a_trial_is_not_named_after_a_file_that_steers_a_terminal(tmp_path: Path
 
 
 def test_what_a_terminal_cannot_show_is_escaped(tmp_path: Path) -> None:
-    """Standard output that knows ASCII alone, and a name that is no text at all."""
+    """Standard output in ASCII only, and a name that is not text."""
     code = "from gaitopt.cli import main; raise SystemExit(main())"
     environment = os.environ | {"PYTHONIOENCODING": "ascii"}
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""Simulations that go wrong: a status with a reason, which is counted; the study goes on, or says why not."""
+"""Simulations that fail: a status with a reason, which is counted; the study continues, or says why not."""
 
 import functools
 import json
@@ -123,7 +123,7 @@ def test_nothing_is_compared_or_handed_over_that_cannot_be_simulated(
 
 
 def findings(capsys: pytest.CaptureFixture[str], problem: Path) -> list[tuple[str, str, str]]:
-    """Name, gait and message of what `gaitopt check` finds; no figure of it is nan."""
+    """Name, gait and message of the findings of `gaitopt check`; no figure is nan."""
     capsys.readouterr()
     assert here("check", problem, "--json", "--out", problem.parent / "check") == 0
     said = capsys.readouterr().out
@@ -132,7 +132,7 @@ def findings(capsys: pytest.CaptureFixture[str], problem: Path) -> list[tuple[st
 
 
 def test_a_check_says_of_what_diverges_that_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It called every parameter inert, and gave a mean speed from nan to nan."""
+    """It had called every parameter inert, with a mean speed from nan to nan."""
     granted(tmp_path / "robot", "2K")
     said = "the simulation diverged: contactfull, cnstrfull"
     held = ("diverged", "", f"held at its start, {said}")
@@ -143,7 +143,7 @@ def test_a_check_says_of_what_diverges_that_alone(tmp_path: Path, capsys: pytest
 def test_a_check_says_from_how_many_starts_a_gait_fails(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Fails from one of the perturbed starts alone, at the working timestep."""
+    """Fails from only one of the perturbed starts, at the working timestep."""
     run = Simulator.run
 
     def sometimes(self: Simulator, gait: Gait, scenario: int = 0, **options: Any) -> Trajectory:
@@ -174,13 +174,13 @@ def test_a_check_says_that_a_model_cannot_be_held(
 
 
 def test_a_model_that_never_settles_is_taken_as_it_is_in_the_end(tmp_path: Path) -> None:
-    """A pendulum without friction beside the robot; `gaitopt check` names its unrest."""
+    """A pendulum without friction beside the robot; `gaitopt check` reports that it does not come to rest."""
     swinging = '<body pos="3 0 1"><joint type="hinge"/><geom size=".01" pos="0 .3 0"/></body></worldbody>'
     assert set(statuses(strider_with(tmp_path / "robot", "</worldbody>", swinging), 2)) == {"ok"}
 
 
 def test_a_slow_rollout_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every limit is a count, not a clock: one that takes a hundred times as long gives the same bits."""
+    """Every limit is a count, not a time: a rollout that is a hundred times slower gives the same bits."""
     problem = load_problem(STRIDER)
     quick = statuses(problem, 3)
     assess = evaluator.assess
@@ -203,9 +203,8 @@ STALLED = "stalled: over 100 times the work of standing still"
 
 
 def studded(folder: Path, side: int = 30) -> Path:
-    """A strider with nine hundred studs under its trunk, which some gaits set down and others do not.
-
-    Set down, a step takes 1.1 ms and not 6 us.
+    """A strider with nine hundred studs under its trunk, which touch the ground in some gaits only. When they
+    do, a step takes 1.1 ms instead of 6 us.
     """
     problem_folder(folder, STRIDER)
     places = [(x, y) for x in np.linspace(-0.01, 0.01, side) for y in np.linspace(-0.055, 0.055, side)]

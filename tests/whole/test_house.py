@@ -1,4 +1,4 @@
-"""The house keeps its order: imports point one way, files stay readable, the picture is the code's."""
+"""The structure of the code: imports point one way, files are short, the picture agrees with the code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Kills, Ctrl-C, full disks, lost folders, two runs at once: what was found stays found."""
+"""Kills, Ctrl-C, full disks, lost folders, two runs at once: no result is lost."""
 
 import json
 import os
@@ -22,11 +22,11 @@ from gaitopt.core.interrupts import interrupts_between_imports, interrupts_held
 GAITOPT = [sys.executable, "-c", "from gaitopt.cli import main; raise SystemExit(main())"]
 BUDGET = ["--budget", "40", "--seed", "2", "--workers", "1"]
 PATIENCE_S = 300.0
-"""After this a process is taken to hang, however busy the machine."""
+"""After this time a process counts as hanging, even on a busy machine."""
 
 
 def start(*arguments: object, program: list[str] = GAITOPT, **options: Any) -> subprocess.Popen[str]:
-    """Run gaitopt as a process of its own, in a group of its own."""
+    """Run gaitopt as a separate process in its own group."""
     command = [*program, *(str(argument) for argument in arguments)]
     return subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True, **options
@@ -46,7 +46,7 @@ def here(*arguments: object) -> int:
 
 
 def result(folder: Path) -> dict[str, Any]:
-    """Everything that a run found, to the last bit; its clock's figure aside."""
+    """Everything that a run found, to the last bit, without the figure that comes from a clock."""
     summary = json.loads((folder / "summary.json").read_text())
     del summary["wall_s"]
     return {"summary": summary} | {
@@ -69,7 +69,7 @@ def once(happened: Callable[[], bool], process: subprocess.Popen[str]) -> None:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run that nothing disturbed."""
+    """The folder of an undisturbed run."""
     folder = tmp_path_factory.mktemp("whole") / "run"
     assert here("optimise", STRIDER, *BUDGET, "--out", folder, "--quiet") == 0
     return folder
@@ -124,7 +124,7 @@ def test_ctrl_c_ends_worker_processes_in_silence(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_at_any_moment_is_one_clean_end(tmp_path: Path) -> None:
-    """From the first import of a command on; what cannot be interrupted at once is interrupted soon."""
+    """From the first import of a command on; work that cannot be interrupted at once is interrupted soon."""
     begun = [sys.executable, "-c", GAITOPT[-1].replace("; ", "; print(flush=True); ")]
     rng = np.random.default_rng(7)
     for index, delay in enumerate(rng.uniform(0.0, 2.2, 3)):
@@ -179,7 +179,7 @@ def test_of_runs_started_together_one_gets_the_folder(whole: Path, tmp_path: Pat
 
 
 def test_a_full_disk_is_one_line_and_nothing_is_lost(whole: Path, tmp_path: Path) -> None:
-    """A limit on the size of files stands for it: writing past it fails as writing to a full disk does."""
+    """A limit on file size replaces it: writing beyond the limit fails like writing to a full disk."""
 
     def limit() -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -205,7 +205,7 @@ def test_a_folder_removed_in_the_middle_is_one_line(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_is_held_back_until_a_solver_is_done() -> None:
-    """IPOPT takes it for a failure of the start it works on, and the plan would go on without that."""
+    """IPOPT would take it for a failure of the current start, and the plan would continue without it."""
     done = []
     with pytest.raises(KeyboardInterrupt), interrupts_held():  # noqa: PT012
         signal.raise_signal(signal.SIGINT)

@@ -49,7 +49,7 @@ def test_nothing_runs_code_from_a_file() -> None:
 
 @pytest.fixture
 def secret(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Files outside the problem's folder: beside it, and in the working directory."""
+    """Files outside the problem's folder: in the folder above, and in the working directory."""
     for folder in (tmp_path, tmp_path / "cwd"):
         folder.mkdir(exist_ok=True)
         (folder / "secret.obj").write_bytes(CUBE)

@@ -16,7 +16,8 @@ def test_hypotheses_stay_inside_their_bounds(arcfold: Problem) -> None:
     for h in found:
         assert h.low <= h.neutral <= h.high
         assert all(h.low <= at <= h.high and at != h.neutral for at in h.screened())
-        # What lies on one side of neutral predicts nothing of the other, nor a tenth of the way of the rest.
+        # Values on one side of neutral do not predict the other side; nor does a tenth of the way predict the
+        # rest.
         assert all(any(at == pytest.approx(bound) for at in h.screened()) for bound in h.sides)
         middle = 0.5 * (h.low + h.high)
         assert h.coordinate(h.value(middle)) == pytest.approx(middle)

@@ -1,4 +1,4 @@
-"""Pairs of effects: which are tried, how far they step, and what is learnt where a step failed."""
+"""Pairs of effects: which are tried, how far they step, and what a failed step says."""
 
 from collections.abc import Sequence
 
@@ -49,7 +49,7 @@ def search(fits: Sequence[Fit], measured: np.ndarray, settings: PairSettings = P
 
 
 def test_an_effect_that_does_the_same_is_tried_in_the_place_of_either() -> None:
-    """At the size that does as much; what does something else is not tried."""
+    """At the size that changes as much; effects that act differently are not tried."""
     measured = 0.6 * FIRST + 0.4 * SECOND
     one, two = fit("one", FIRST, measured), fit("two", SECOND, measured)
     twin = fit("twin", 0.8 * SECOND + 0.01 * THIRD, measured)
@@ -90,7 +90,7 @@ def test_a_step_goes_no_farther_than_it_may_and_less_far_after_one_that_failed()
 
 
 def test_what_adds_up_is_found_where_it_does_not_fit_alone() -> None:
-    """Each of two that nearly undo one another fits best alone where it does nothing."""
+    """Two effects nearly cancel, so that each alone fits best where it does nothing."""
     against = 0.3 * SECOND - FIRST
     measured = FIRST + against
     fits = [fit("one", FIRST, measured), fit("two", against, measured), fit("other", THIRD, measured)]
@@ -111,7 +111,7 @@ def test_few_sums_of_the_same_effects_are_tried() -> None:
 
 
 def test_no_pair_is_begun_twice() -> None:
-    """Whichever of the two fits best alone."""
+    """It does not matter which of the two fits best alone."""
     measured = 0.4 * FIRST + 0.6 * SECOND
     fits = [fit("one", FIRST, measured), fit("two", SECOND, measured), fit("other", THIRD, measured)]
     begun = [frozenset(f.hypothesis.name for f in start.fits) for start in search(fits, measured).starts()]
@@ -119,7 +119,7 @@ def test_no_pair_is_begun_twice() -> None:
 
 
 def test_what_does_the_same_as_one_of_the_best_is_fitted_as_far() -> None:
-    """A known pair and one that was not tried end where the best is; what differs is left out."""
+    """A known pair and an untried one end where the best is; pairs that differ are left out."""
     measured = 0.6 * FIRST + 0.4 * SECOND
     one, two = fit("one", FIRST, measured), fit("two", SECOND, measured)
     twin, fresh = fit("twin", 0.8 * SECOND, measured), fit("fresh", 1.6 * FIRST, measured)
@@ -136,7 +136,7 @@ def test_what_does_the_same_as_one_of_the_best_is_fitted_as_far() -> None:
 
 @pytest.mark.parametrize(("size", "batches"), [(0.1, 1), (100.0, PairSettings.batches)])
 def test_more_pairs_are_fitted_while_the_best_is_far_from_right(size: float, batches: int) -> None:
-    """Of 28 pairs, all of which are simulated once, none of which explains a large gap."""
+    """28 pairs are simulated once each; none explains a large gap."""
     measured = size * FIRST
     fits = [fit(name, RNG.standard_normal(ROWS), measured) for name in "abcdefgh"]
     looking = search(fits, measured, PairSettings(simulated_sums=28))

@@ -1,4 +1,4 @@
-"""The response near a robot: slopes of many robots together, jumps apart from them."""
+"""The response near a robot: slopes from many robots together, and jumps separate from slopes."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ ROWS, TRUE = 60, 0.9
 
 @pytest.mark.parametrize("size", [0.0, 3.0])
 def test_jumps_are_told_from_slopes(size: float) -> None:
-    """Robots a thousandth of the range apart have the slope of the whole, however each of them jumps."""
+    """Robots a thousandth of the range apart get the slope of the whole, although each of them jumps."""
     rng = np.random.default_rng(8)
     slope, jumps = rng.standard_normal(ROWS) * 40.0, size * rng.standard_normal((5, ROWS))
     at = [0.0, 0.898, 0.9, 0.902, 2.0]

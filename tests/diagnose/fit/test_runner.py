@@ -1,4 +1,4 @@
-"""Robots simulated by any executor: the same bits, little that travels, and nothing lost on the way."""
+"""Robots simulated by any executor: the same bits, little data sent, and nothing lost."""
 
 import pickle
 from collections.abc import Callable
@@ -33,7 +33,7 @@ BRIEF = DiagnosisSettings(
     covariance=CovarianceSettings(estimates=1),
     verdict=VerdictSettings(no_gap=0.0),
 )
-"""Few robots: what is found does not matter."""
+"""Few robots; the result does not matter."""
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_every_executor_gives_the_same_bits(arcfold: Problem, folder: Path) -> N
 
 
 class Weighing(SerialExecutor):
-    """Runs each call on what arrives of it, and remembers how much that and the answer were, bytes."""
+    """Runs each call on its pickled copy, and keeps the sizes of call and answer, bytes."""
 
     def __init__(self) -> None:
         self.sent: list[int] = []

@@ -1,4 +1,4 @@
-"""The fit of one effect: where it looks next, and what it says between simulated robots."""
+"""The fit of one effect: which robot it simulates next, and what it predicts between simulated robots."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from toyfits import toy_fit, toy_trials
 
 
 def test_a_fit_goes_no_farther_than_robots_can_be_simulated() -> None:
-    """Where the outermost one fails, what lies before it is refined, and what lies beyond is left alone."""
+    """If the outermost value fails, the range before it is refined, and the range beyond it is not tried."""
     measured, slope = np.full(8, 0.7), np.ones(8)
     fit = toy_fit(toy_trials(8, 2), measured, lambda a: a * slope, (0.0, 0.5, 1.0))
     assert fit.best() == pytest.approx(0.7, abs=0.02)

@@ -1,4 +1,4 @@
-"""A set of trials whitened by one covariance after another, and what the cache knows of it."""
+"""A set of trials whitened by one covariance after another, and its simulations in the cache."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -78,7 +78,7 @@ def test_comparisons_and_columns_come_back_unchanged(prepared: PreparedTrials, c
 def test_the_cache_knows_a_robot_by_any_covariance(
     prepared: PreparedTrials, changes: np.ndarray, tmp_path: Path
 ) -> None:
-    """What was simulated before the covariance was re-estimated is recalled, whitened by the new one."""
+    """Earlier simulations are used again, whitened by the re-estimated covariance."""
     ready = prepared.trial_set
     cache = SimulationCache(tmp_path / "cache")
     runner, request = Runner(SerialExecutor(), cache=cache), RobotRequest(SLOPE, (0.05,))

@@ -1,4 +1,4 @@
-"""Trials with a gap planted in them, located.
+"""Trials with a planted gap, and where it is found.
 
 The trials are made with RK4 at half the timestep and another impratio, from another start pose, with noise.
 """

@@ -1,4 +1,4 @@
-"""Trials beside their predictions."""
+"""Trials aligned with their predictions."""
 
 from __future__ import annotations
 

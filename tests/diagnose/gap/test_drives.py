@@ -1,4 +1,4 @@
-"""Commands without a period: a trial of a log goes all the way from its file to where its gap lies."""
+"""Commands without a period: a trial of a log is read from its file and its gap is located."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SECONDS = 8.0
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Problem:
     """An arm on one servo, with a log of commands among what can be commanded."""
     problem = rigs.build(tmp_path_factory.mktemp("rig") / "arm", rigs.arm(), ROLES)
-    log = cast(Any, wandering(1, SECONDS))  # a data set's file cannot name a log of commands so far
+    log = cast(Any, wandering(1, SECONDS))  # a data set's file cannot name a log of commands yet
     return replace(problem, baselines={**problem.baselines, "log": log})
 
 

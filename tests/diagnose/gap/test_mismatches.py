@@ -1,4 +1,4 @@
-"""Defects that show only beside the simulation: found where they are, and only there."""
+"""Defects that show only in comparison with the simulation: found where they are, and nowhere else."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gaitopt.robot.trajectory import Trajectory
 
 
 def mismatched(trial: Trial, simulation: Trajectory | None = None) -> list[Defect]:
-    """The defects that a trial shows beside its simulation."""
+    """The defects that a trial shows in comparison with its simulation."""
     aligned = align(trial, simulation or simulated())
     return list(mismatches(aligned, GAIT.period_s))
 
@@ -42,7 +42,7 @@ def test_a_wrong_frame_rate(ratio: float) -> None:
 
 
 def test_uneven_strides_are_no_wrong_frame_rate() -> None:
-    """A walk whose speed wanders repeats by twos and fours better than one by one."""
+    """A walk whose speed drifts repeats better every two and four cycles than every cycle."""
     found, time = [], np.arange(0.0, 10.0, 1.0 / FPS)
     for seed in range(10):
         pushed = 0.012 * np.cumsum(np.random.default_rng(seed).standard_normal(11))

@@ -21,7 +21,7 @@ from gaitopt.simulation.scenario import Scenario
 
 @pytest.fixture(scope="module")
 def robot(strider: Problem) -> Simulator:
-    """The strider with friction as it should be, and less."""
+    """The strider with nominal friction, and with less."""
     return Simulator.build(strider, (Scenario(), Scenario(friction=0.9)))
 
 

@@ -1,4 +1,4 @@
-"""Components of a gap: changes of made-up motion are found as what they are."""
+"""Components of a gap: changes of made-up motion are assigned to the right component."""
 
 from __future__ import annotations
 

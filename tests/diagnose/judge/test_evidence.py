@@ -51,7 +51,7 @@ def trials_of(candidate: Candidate) -> TrialSet:
 
 
 def test_a_trial_that_shows_nothing_says_nothing_against_a_candidate() -> None:
-    """The first trial is predicted by what the second leaves possible, which is anything."""
+    """The second trial allows any value, so it predicts nothing about the first."""
     found = of_two_trials(3.0 * SHOWN, lambda a: 6.0 * a * SHOWN)
     loss = found.fits[0].loss(np.array([0.0, 0.0, 1.0, 1.0]))
     assert loss[:2].sum() == pytest.approx(9.0 * ROWS / 2)
@@ -59,7 +59,7 @@ def test_a_trial_that_shows_nothing_says_nothing_against_a_candidate() -> None:
 
 
 def test_a_trial_that_shows_an_effect_holds_a_candidate_to_it() -> None:
-    """Of a trial that asks for 0.5, what the other leaves possible, near 0.1, does not predict the half."""
+    """One trial fits 0.5 and the other allows values near 0.1 only, so neither predicts the other."""
     asked = np.where(SHOWN > 0.0, 0.5, 0.1)
     at = np.linspace(0.0, 1.0, 11).tolist()
     found = of_two_trials(40.0 * asked, lambda a: np.full(ROWS, 40.0 * a), at)
@@ -67,7 +67,7 @@ def test_a_trial_that_shows_an_effect_holds_a_candidate_to_it() -> None:
 
 
 def test_a_trial_on_which_the_loss_jumps_takes_nothing_from_another() -> None:
-    """A slow gait tells two effects apart; a fast one, where near robots differ by chance, tells nothing."""
+    """A slow gait tells two effects apart; a fast one, where similar robots differ by chance, does not."""
     rng = np.random.default_rng(3)
     at = (0.0, 0.498, 0.5, 0.502, 1.0)
     jumps = 3.0 * rng.standard_normal((len(at), ROWS)) * (1.0 - SHOWN)
@@ -112,7 +112,7 @@ def test_chance_gains_little(planted: float, significant: bool) -> None:
 
 @pytest.mark.parametrize("stiffness", [0.1, 1.0, 10.0])
 def test_held_out_losses_are_predictive_squares(stiffness: float) -> None:
-    """Fitted to others alone a parameter is off by their error, which adds to that of the trial left out."""
+    """A parameter fitted to the other trials has their error, which adds to that of the held-out trial."""
     slopes = np.where(SHOWN > 0.0, 10.0, 10.0 * np.sqrt(stiffness))
     asked = np.where(SHOWN > 0.0, 0.4, 0.6)
     found = of_two_trials(slopes * asked, lambda a: slopes * a, np.linspace(0.0, 1.0, 201).tolist())

@@ -1,4 +1,4 @@
-"""The next experiment: it is spent on what a gait can tell apart, and says what none can."""
+"""The next experiment: it is chosen for effects that a gait can tell apart, and names those that none can."""
 
 from collections.abc import Sequence
 from types import SimpleNamespace
@@ -53,7 +53,7 @@ def test_targets_of_one_effect_need_not_be_told_apart() -> None:
 
 
 def test_a_pair_that_nothing_parts_does_not_decide() -> None:
-    """Of two gaits the better one parts c from the rest, though b is as near to a as on the other."""
+    """The better of two gaits separates c from the rest, although b is as near to a as on the other gait."""
     poor, good = np.zeros((4, 4)), np.zeros((4, 4))
     poor[0, 1:] = (0.1, 0.1, 0.5)
     good[:3, 3] = 25.0
@@ -87,7 +87,7 @@ def test_a_gait_is_proposed_that_was_not_measured(arcfold: Problem) -> None:
 
 
 def test_a_cause_that_stands_alone_is_put_to_the_test() -> None:
-    """The runner-up counts, though nothing is left of its probability."""
+    """The second candidate counts, although its probability is nearly zero."""
     contest = Contest.of(causes((1.0, 0.0, 0.0)))
     assert contest.names == ["camera_scale", "pad_friction"]
     assert contest.prior == pytest.approx([1.0 / 1.01, 0.01 / 1.01])

@@ -1,4 +1,4 @@
-"""The gap on held-out data: how much of it goes, and over which blocks it is resampled."""
+"""The gap on held-out data: how much of it is removed, and over which blocks it is resampled."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The covariance from perturbed robots of the leaders: what it overlooks, and whom it lets win."""
+"""The covariance from perturbed robots around the leaders, and which candidate then wins."""
 
 from functools import partial
 from typing import cast
@@ -20,7 +20,7 @@ from gaitopt.optimise.executors import SerialExecutor
 
 ROWS = 60
 UNFINISHED = DiagnosisSettings(fit=FitSettings(finish_rounds=0, finish_rounds_measurement=0))
-"""Simulates nothing more, since there is nothing to simulate with."""
+"""Simulates nothing, because there is no simulator."""
 
 
 class WhiteTrial:
@@ -35,7 +35,7 @@ class WhiteTrial:
 
 
 def test_a_candidate_that_imitates_small_errors_does_not_win() -> None:
-    """The cause is ruled out by its twin until perturbed robots show their small errors."""
+    """A similar effect beats the cause until perturbed robots show how large small errors are."""
     rng = np.random.default_rng(3)
     cause, unknown = 6.0 * rng.standard_normal(ROWS), 8.0 * rng.standard_normal(ROWS)
     measured = cause + 0.8 * unknown + rng.standard_normal(ROWS)

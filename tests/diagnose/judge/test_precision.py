@@ -1,4 +1,4 @@
-"""How well a parameter is known: intervals cover, and reach far where the loss is flat."""
+"""How well a parameter is known: intervals cover the truth, and are wide where the loss is flat."""
 
 from collections.abc import Callable, Sequence
 
@@ -22,7 +22,7 @@ def fitted(measured: np.ndarray, predicted: Callable[[float], np.ndarray], at: S
 
 @pytest.mark.parametrize("size", [0.0, 10.0])
 def test_nine_in_ten_intervals_cover_whatever_the_small_errors_of_the_robot(size: float) -> None:
-    """Errors of noise alone are over-covered: its squares count tempered."""
+    """Intervals are too wide for noise alone, because its squares have a weight below one."""
     rng = np.random.default_rng(5)
     slope, hidden = rng.standard_normal(ROWS) * 8.0, rng.standard_normal((4, ROWS)) / 2.0
     covered = 0

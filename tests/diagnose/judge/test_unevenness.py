@@ -1,4 +1,4 @@
-"""Cycles that differ as no effect of the library makes them: something else, not a cause."""
+"""Cycles that differ more than any effect of the library explains: "something else" is the answer."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from gaitopt.simulation.rollout import Simulator
 
 @pytest.mark.slow
 def test_a_servo_that_limps_is_something_else(arcfold: Problem, tmp_path: Path) -> None:
-    """Though an effect of the library may take a good part of the gap away."""
+    """Although an effect of the library may explain a good part of the gap."""
     simulator = Simulator.build(arcfold)
     limping = OUTSIDE["limping_servo"]
     robot = disturbed(simulator, limping, limping.draw(np.random.default_rng(1), 0.9, simulator))

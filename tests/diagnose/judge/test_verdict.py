@@ -12,7 +12,7 @@ ROWS = 60
 
 @pytest.mark.parametrize(("does", "short"), [(0.6, False), (1.0, True), (1.3, True)])
 def test_two_effects_are_tried_where_the_best_would_go_on_beyond_its_range(does: float, short: bool) -> None:
-    """Even if it leaves no more there than a right one does."""
+    """Even if it leaves no more there than a correct model does."""
     trial_set, rng = toy_trials(ROWS, 6, trials=2), np.random.default_rng(5)
     direction, noise = rng.standard_normal((2, ROWS))
     measured = does * direction + 0.5 * noise

@@ -1,4 +1,4 @@
-"""Defects of a recording: found where they are, and only there."""
+"""Defects of a recording: found where they are, and nowhere else."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_clean_recording_has_none(seed: int, fps: float, noise_m: float) -> No
 
 
 def _recurs(places: list[int]) -> bool:
-    """Whether outliers stand at the same phase of several cycles, as motion does."""
+    """Whether outliers are at the same phase of several cycles, like real motion."""
     cycle = round(GAIT.period_s * FPS)
     apart = [[abs((p - q + cycle // 2) % cycle - cycle // 2) for q in places if q != p] for p in places]
     return any(sum(distance <= 2 for distance in row) >= 2 for row in apart)
@@ -172,7 +172,7 @@ def test_a_few_steps_at_even_times_are_no_evidence_of_a_rounded_clock(begin: flo
 
 
 def test_noise_between_the_steps_of_a_slow_gait_is_no_stepped_curve() -> None:
-    """A third of a millimetre of noise goes as far in half a second as a robot creeps in it."""
+    """In half a second the noise, a third of a millimetre, moves the marker as far as a creeping robot."""
     slow = replace(GAIT, period_s=4.0)
     time = np.arange(0.0, 10.0, 0.04)
     strides = 0.034 * np.clip((time[:, None] - [0.85, 4.85, 8.85]) / 0.3, 0.0, 1.0).sum(axis=1)

@@ -34,7 +34,7 @@ time = "t_s"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A data set of one trial of 3 s at 20 frames a second."""
+    """A data set of one trial of 3 s at 20 frames per second."""
     time = np.arange(0.0, 3.0, 0.05)
     rows = [f"{t:.3f},{20.0 * t:.4f},{90.0 * (t % 1.0 < 0.5):.1f}" for t in time]
     (tmp_path / "walk.csv").write_text("\n".join(["t_s,x_mm,bend_deg", *rows]) + "\n")
