@@ -2,8 +2,10 @@
 
 import ast
 import os
+import signal
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -42,6 +44,22 @@ def with_element(folder: Path, element: str, where: str = "</worldbody>") -> Pro
     problem_folder(folder, STRIDER)
     edited(folder / "strider.xml", where, where + element)
     return load_problem(folder)
+
+
+@contextmanager
+def within(seconds: int) -> Iterator[None]:
+    """Fail where something waits, or works without end, in Python."""
+
+    def fail(*_: object) -> None:
+        pytest.fail(f"it takes more than {seconds} s")  # no OSError, which could be taken for the file's
+
+    before = signal.signal(signal.SIGALRM, fail)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def make_device(path: Path) -> Path:

@@ -1,7 +1,6 @@
 """Only plain files are read, up to a size; only plain files are replaced, and never an input file."""
 
 import os
-import signal
 import socket
 import stat
 from collections.abc import Iterator
@@ -10,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from hostility import make_device, refused
+from hostility import make_device, refused, within
 
 from gaitopt.core import files
 from gaitopt.core.files import (
@@ -28,15 +27,8 @@ from gaitopt.core.numbers import number, whole_number
 @pytest.fixture(autouse=True)
 def in_time() -> Iterator[None]:
     """A read that waits fails the test."""
-
-    def fail(*_: object) -> None:
-        raise TimeoutError("it waits")
-
-    before = signal.signal(signal.SIGALRM, fail)
-    signal.alarm(20)
-    yield
-    signal.alarm(0)
-    signal.signal(signal.SIGALRM, before)
+    with within(20):
+        yield
 
 
 def odd_file(folder: Path, kind: str) -> Path:

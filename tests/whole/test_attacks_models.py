@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import signal
 import stat
 import subprocess
 import sys
@@ -12,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 from helpers import STRIDER, edited, problem_folder
-from hostility import CUBE, make_device, refused, run, with_element
+from hostility import CUBE, make_device, refused, run, with_element, within
 
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.diagnose.record.export import ImportOptions
@@ -63,7 +62,8 @@ def test_a_path_that_finds_things_without_end_is_one_line(tmp_path: Path, path: 
     folder = with_path(tmp_path / "robot", path)
     nested = 150 * '<body name="b"><geom size="1"/>' + 150 * "</body>"
     edited(folder / "strider.xml", "</worldbody>", nested + "</worldbody>")
-    assert "attack.sets: path: found" in refused(lambda: nominal_mjcf(load_problem(folder)))
+    with within(20):
+        assert "attack.sets: path: found" in refused(lambda: nominal_mjcf(load_problem(folder)))
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,8 @@ def test_a_model_that_nobody_names_is_a_plain_file_of_its_folder(tmp_path: Path,
         model.mkdir()
     else:
         model.symlink_to("nothing")
-    assert "strider.xml" in refused(lambda: load_problem(folder))
+    with within(20):
+        assert "strider.xml" in refused(lambda: load_problem(folder))
 
 
 @pytest.mark.parametrize("name", ["problem.toml", "best.toml", "dataset.toml"])
@@ -166,9 +167,8 @@ def test_a_pipe_or_a_device_is_one_line_for_every_command(
     odd = tmp_path / "odd"
     os.mkfifo(odd) if kind == "pipe" else make_device(odd)
     arguments = [str(word).format(odd=odd) for word in COMMANDS[what]]
-    signal.alarm(60)  # a command that waits fails the test
-    code, said = run(capsys, *arguments)
-    signal.alarm(0)
+    with within(60):
+        code, said = run(capsys, *arguments)
     if what == "the gait of a recording":  # it is taken for a baseline's name
         assert code == 0
     else:
