@@ -12,10 +12,10 @@ from gaitopt.cli.command import Parser
 from gaitopt.cli.commands import COMMANDS
 from gaitopt.cli.lines import say_aside
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.interrupts import interrupts_between_imports
+from gaitopt.core.interrupts import interrupts_between_imports, was_terminated
 from gaitopt.robot.warnings import silence_warnings
 
-DONE, STATED_PROBLEM, INTERRUPTED = 0, 1, 130
+DONE, STATED_PROBLEM, INTERRUPTED, TERMINATED = 0, 1, 130, 143
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -34,9 +34,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(stop.code or 0)
     except GaitoptError as problem:
         return _stated(str(problem))
-    except KeyboardInterrupt:
-        say_aside("gaitopt: interrupted")
-        return INTERRUPTED
+    except KeyboardInterrupt as stop:
+        terminated = was_terminated(stop)
+        say_aside(f"gaitopt: {'terminated' if terminated else 'interrupted'}")
+        return TERMINATED if terminated else INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()  # the reader went away; nothing is left to tell it
         return STATED_PROBLEM

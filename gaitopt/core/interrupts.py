@@ -1,4 +1,4 @@
-"""Ctrl-C, delayed where it would be lost, or would change a result instead of ending the program."""
+"""Ctrl-C and SIGTERM, delayed where they would be lost, or would be a failure instead of the end."""
 
 from __future__ import annotations
 
@@ -9,49 +9,66 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM asked the program to end. It ends as after Ctrl-C, with another exit code."""
+
+
+_RAISED: dict[int, type[KeyboardInterrupt]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
+"""What a signal raises."""
+
+_USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+"""How Python handles these signals by itself."""
+
 _RETRY_S = 0.01
-"""Time after which a Ctrl-C that came within an import is tried again, s."""
+"""Time after which a signal that came within an import is tried again, s."""
+
+
+def was_terminated(stop: KeyboardInterrupt) -> bool:
+    """Return whether SIGTERM, and not Ctrl-C, ended a job."""
+    return isinstance(stop.__cause__ or stop, Terminated)
 
 
 @contextmanager
 def interrupts_between_imports() -> Iterator[None]:
-    """Delay Ctrl-C until no module is being imported.
+    """Raise KeyboardInterrupt at Ctrl-C and `Terminated` at SIGTERM, but only while no module is imported.
 
-    Within an import it can become an ImportError ("initialization failed") or be lost.
-    A program that ignores Ctrl-C, or has its own handler, keeps that.
+    Within an import, an exception can become an ImportError ("initialization failed") or be lost.
+    A program that ignores one of these signals, or has its own handler, keeps that.
     """
-    ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if not ours or threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    retry: threading.Timer | None = None
+    ours = [number for number, usual in _USUAL.items() if signal.getsignal(number) == usual]
+    retries: dict[int, threading.Timer] = {}
 
     def act(number: int, frame: FrameType | None) -> None:
-        nonlocal retry
+        retries.pop(number, None)
         if not _importing(frame):
-            retry = None
-            raise KeyboardInterrupt
-        retry = threading.Timer(_RETRY_S, _interrupt_main)
-        retry.daemon = True
-        retry.start()
+            raise _RAISED[number]
+        retries[number] = threading.Timer(_RETRY_S, _signal_main, (number,))
+        retries[number].daemon = True
+        retries[number].start()
 
-    signal.signal(signal.SIGINT, act)
+    for number in ours:
+        signal.signal(number, act)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        if retry is not None:
+        for number in ours:
+            signal.signal(number, _USUAL[number])
+        for retry in retries.values():
             retry.cancel()
-    if retry is not None:
-        raise KeyboardInterrupt
+    for number in retries:
+        raise _RAISED[number]
 
 
-def _interrupt_main() -> None:
+def _signal_main(number: int) -> None:
     main = threading.main_thread().ident
     if hasattr(signal, "pthread_kill") and main is not None:
-        signal.pthread_kill(main, signal.SIGINT)  # this also wakes it where it sleeps or waits
+        signal.pthread_kill(main, number)  # this also wakes it where it sleeps or waits
     else:
-        _thread.interrupt_main()
+        _thread.interrupt_main(signal.Signals(number))
 
 
 def _importing(frame: FrameType | None) -> bool:
@@ -62,20 +79,25 @@ def _importing(frame: FrameType | None) -> bool:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Delay Ctrl-C until the block ends: for native code that would treat it as a failure."""
+    """Delay Ctrl-C and SIGTERM until the block ends: for native code that would treat them as a failure.
+
+    A signal without a handler of Python is left alone.
+    """
     if threading.current_thread() is not threading.main_thread():
-        yield  # Ctrl-C reaches only the main thread
+        yield  # signals reach only the main thread
         return
-    pressed = False
+    pressed: list[int] = []
 
     def note(number: int, frame: FrameType | None) -> None:
-        nonlocal pressed
-        pressed = True
+        pressed.append(number)
 
-    previous = signal.signal(signal.SIGINT, note)
+    previous = {number: handler for number in _RAISED if callable(handler := signal.getsignal(number))}
+    for number in previous:
+        signal.signal(number, note)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, previous or signal.SIG_DFL)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
     if pressed:
-        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(pressed[0])

@@ -155,7 +155,7 @@ def diagnose(
 
     Raises:
         GaitoptError: the data set is wrong, an effect is unknown or none applies, or the folder is in use.
-        Stopped: Ctrl-C ended a diagnosis that can be resumed.
+        Stopped: Ctrl-C or SIGTERM ended a diagnosis that can be resumed.
     """
     if resume is not None:
         _check_resumed(Path(resume), out)
@@ -207,7 +207,7 @@ def answered_into(
 
     Raises:
         GaitoptError: as of `Question.answered`, or a file cannot be written.
-        Stopped: Ctrl-C ended it, and it can be resumed.
+        Stopped: Ctrl-C or SIGTERM ended it, and it can be resumed.
     """
     from gaitopt.diagnose.correction import correct
     from gaitopt.report.diagnosis_report import write_diagnosis
@@ -245,7 +245,7 @@ def _run(diagnosis: Diagnosis, folder: Path | None) -> DiagnosisRun:
 
 @contextmanager
 def _stoppable(cache: SimulationCache, folder: Path) -> Iterator[None]:
-    """Where Ctrl-C ends a diagnosis that has begun, say where it can be resumed."""
+    """Where Ctrl-C or SIGTERM ends a diagnosis that has begun, say where it can be resumed."""
     try:
         yield
     except KeyboardInterrupt as stop:

@@ -171,7 +171,7 @@ def optimise(
     Raises:
         GaitoptError: the request or the objective is wrong, every gait failed, the folder is in use, or
             the page could not be written; the results then are.
-        Stopped: Ctrl-C ended a search that can be resumed.
+        Stopped: Ctrl-C or SIGTERM ended a search that can be resumed.
     """
     check_executor(executor, workers)
     asked = _Asked(budget, seed, method, warm_start, pareto, out)
@@ -246,7 +246,7 @@ def _write_page(
 
 @contextmanager
 def _stoppable(folder: RunFolder, problem: Problem) -> Iterator[None]:
-    """Where Ctrl-C ends a run that has begun, say what it has found and where it can be resumed."""
+    """Where Ctrl-C or SIGTERM ends a run that has begun, say what it has found and where it can be resumed."""
     try:
         yield
     except KeyboardInterrupt as stop:

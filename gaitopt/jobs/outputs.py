@@ -1,4 +1,4 @@
-"""Output folders and files of jobs, and the way Ctrl-C leaves them."""
+"""Output folders and files of jobs, and the way Ctrl-C and SIGTERM leave them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Out = Path | str | None
 
 
 class Stopped(KeyboardInterrupt):
-    """Ctrl-C ended a job that can be resumed.
+    """Ctrl-C or SIGTERM ended a job that can be resumed.
 
     Attributes:
         done: what was done until then, in words.

@@ -78,7 +78,7 @@ def _print_run(done: DiagnosisRun, as_json: bool) -> None:
 
 
 def _print_stopped(stop: Stopped, options: Options) -> None:
-    """Say how to go on with a diagnosis that Ctrl-C ended."""
+    """Say how to go on with a diagnosis that Ctrl-C or SIGTERM ended."""
     words = ["gaitopt", "diagnose", options.problem, options.dataset, "--resume", stop.folder]
     if options.effects:
         words += ["--effects", options.effects]

@@ -87,7 +87,7 @@ def print_run(done: OptimiseRun, as_json: bool) -> None:
 
 
 def print_stopped(stop: Stopped) -> None:
-    """Say how to go on with a search that Ctrl-C ended."""
+    """Say how to go on with a search that Ctrl-C or SIGTERM ended."""
     path = shlex.quote(str(stop.folder))
     say_aside(f"gaitopt: stopped after {stop.done}; go on with: gaitopt optimise {path} --resume {path}")
 
