@@ -18,6 +18,7 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -82,11 +83,18 @@ DIAGNOSIS: Mapping[str, Stage] = {
 
 @dataclass(frozen=True)
 class Stop:
-    """Where a command is to end, and by which signal."""
+    """Where a command is to end, and how.
+
+    Attributes:
+        stage, tick: where.
+        number: the signal that it sends to itself.
+        fill: a file that takes all the space of its disk instead of a signal; the command may go on.
+    """
 
     stage: str
     tick: int
     number: int = signal.SIGKILL
+    fill: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -164,7 +172,19 @@ class _Stopper:
             json.dump({"stage": name, "tick": stop.tick, "at": what}, file)
             file.flush()
             os.fsync(file.fileno())
-        os.kill(os.getpid(), stop.number)
+        if stop.fill is None:
+            os.kill(os.getpid(), stop.number)
+        else:
+            fill(stop.fill)
+
+
+def fill(path: Path) -> None:
+    """Write a file until its disk is full."""
+    with path.open("ab", buffering=0) as file:
+        for size in (1 << 20, 4096, 1):
+            with suppress(OSError):
+                while file.write(bytes(size)) == size:
+                    pass
 
 
 def _wrap(target: str, wrapper: Callable[[Callable[..., Any]], Callable[..., Any]]) -> None:
@@ -250,11 +270,13 @@ class Work:
         stages: its stages.
         begin: the command without its folder.
         folder: the run folder.
+        notes: where the processes' notes go; beside the run folder by default.
     """
 
     stages: Mapping[str, Stage]
     begin: tuple[object, ...]
     folder: Path
+    notes: Path | None = None
 
     @property
     def resume(self) -> list[object]:
@@ -267,14 +289,14 @@ class Work:
     @property
     def next(self) -> list[object]:
         """The command to give next: the first one again, where nothing is there to go on with."""
-        made = "run.toml" if self.begin[0] == "optimise" else "simulated-*/*.npz"
+        made = "run.toml" if self.begin[0] == "optimise" else "simulated-*/[0-9a-f]*.npz"
         found = any(self.folder.glob(made)) or (self.folder / "diagnosis.json").exists()
         return self.resume if found else [*self.begin, "--out", self.folder]
 
     def run(self, stop: Stop | None = None) -> Ended:
         """Begin or go on, to the end or to a stop."""
-        number = 0
-        while (notes := self.folder.parent / f"{self.folder.name}-notes-{number}").exists():
+        number, beside = 0, self.notes or self.folder.parent
+        while (notes := beside / f"{self.folder.name}-notes-{number}").exists():
             number += 1
         return run(self.stages, self.next, notes, stop)
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gaitopt.core.errors import GaitoptError, unknown_name
-from gaitopt.core.folders import check_new_or_empty
 from gaitopt.core.progress import OnProgress, silent
 from gaitopt.diagnose import diagnosis as diagnosing
 from gaitopt.diagnose.diagnosis import Diagnosis, DiagnosisRequest
@@ -24,7 +23,7 @@ from gaitopt.jobs.outputs import Out, Stopped, out_folder
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.diagnosis_folder import DIAGNOSIS_FILE, diagnosis_folder, read_diagnosis
-from gaitopt.runs.folder import PAGE_FILE
+from gaitopt.runs.folder import PAGE_FILE, check_free, held
 from gaitopt.simulation.rollout import Simulator
 
 
@@ -160,8 +159,9 @@ def diagnose(
     if resume is not None:
         _check_resumed(Path(resume), out)
         if is_finished(resume) and (finished := read_diagnosis(Path(resume))):
+            _clear_leftovers(Path(resume))
             return DiagnosisRun(finished.answer, finished.explanation, finished.folder, None)
-    check_new_or_empty(out_folder(out))
+    check_free(out_folder(out))
     if problem is None:
         raise GaitoptError("diagnose: found no problem and no finished diagnosis")
     problem = carrying(problem)
@@ -218,7 +218,7 @@ def answered_into(
         problem = question.simulator.problem
         correction = correct(problem, diagnosis, executor if corrected else None)
         write_diagnosis(folder, problem, diagnosis, correction, full)
-    cache.clear()
+        cache.clear()
     return diagnosis
 
 
@@ -230,6 +230,13 @@ def is_finished(folder: Path | str | None) -> bool:
     if folder is None or not (Path(folder) / DIAGNOSIS_FILE).is_file():
         return False
     return (Path(folder) / PAGE_FILE).is_file() or not SimulationCache.is_in(Path(folder))
+
+
+def _clear_leftovers(folder: Path) -> None:
+    """Remove what a diagnosis simulated that was killed after its last file."""
+    if SimulationCache.is_in(folder):
+        with held(folder):
+            SimulationCache.clear_in(folder)
 
 
 def _check_resumed(folder: Path, out: Out) -> None:
@@ -248,8 +255,9 @@ def _stoppable(cache: SimulationCache, folder: Path) -> Iterator[None]:
     """Where Ctrl-C or SIGTERM ends a diagnosis that has begun, say where it can be resumed."""
     try:
         yield
-    except KeyboardInterrupt as stop:
-        count = cache.count
-        if not count:
-            raise
-        raise Stopped(f"{count} robots", folder) from stop
+    except BaseException as stop:
+        if not cache.count:
+            cache.clear()  # an empty folder would keep the run folder from being removed
+        elif isinstance(stop, KeyboardInterrupt):
+            raise Stopped(f"{cache.count} robots", folder) from stop
+        raise

@@ -246,7 +246,7 @@ def _write_page(
 
 @contextmanager
 def _stoppable(folder: RunFolder, problem: Problem) -> Iterator[None]:
-    """Where Ctrl-C or SIGTERM ends a run that has begun, say what it has found and where it can be resumed."""
+    """Where Ctrl-C or SIGTERM ends a run that has begun, say what it found and where it can go on."""
     try:
         yield
     except KeyboardInterrupt as stop:

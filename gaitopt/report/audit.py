@@ -16,7 +16,7 @@ from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.page import Page, Picture, Section, Table, after_results, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.words import fidelity_text, names_of
-from gaitopt.runs.folder import PAGE_FILE, new_folder, write_into
+from gaitopt.runs.folder import PAGE_FILE, filled_folder, write_into
 from gaitopt.simulation.audit.finding import FINDING_KINDS, Finding
 from gaitopt.simulation.labels import title_of
 from gaitopt.simulation.rollout import Simulator
@@ -30,12 +30,12 @@ def write_audit(path: Path | None, problem: Problem, findings: Sequence[Finding]
         problem: the robot.
         findings: what `gaitopt.simulation.check.check` found.
     """
-    folder = new_folder(path, f"{problem.name}-check")
-    content = to_json({"findings": [finding.to_dict() for finding in findings]})
-    write_into(folder, "check.json", lambda file: write_text(file, content))
-    with after_results(folder, "check.json"):
-        html = _page(folder, problem, findings).html()
-        write_into(folder, PAGE_FILE, lambda file: write_text(file, html))
+    with filled_folder(path, f"{problem.name}-check") as folder:
+        content = to_json({"findings": [finding.to_dict() for finding in findings]})
+        write_into(folder, "check.json", lambda file: write_text(file, content))
+        with after_results(folder, "check.json"):
+            html = _page(folder, problem, findings).html()
+            write_into(folder, PAGE_FILE, lambda file: write_text(file, html))
     return folder
 
 

@@ -18,7 +18,7 @@ from gaitopt.report.page import Page, Picture, Section, Table, after_results, fo
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.tables import metric_table
 from gaitopt.report.words import constraints_text, fidelity_text, interval_text, scenario_rule, verdicts
-from gaitopt.runs.folder import PAGE_FILE, new_folder, write_into
+from gaitopt.runs.folder import PAGE_FILE, filled_folder, write_into
 from gaitopt.simulation.rollout import Simulator
 
 
@@ -34,12 +34,12 @@ def write_comparison(
         rows: what the comparison found.
         seed: seed of the scenarios.
     """
-    folder = new_folder(path, f"{problem.name}-compare")
-    content = to_json({"rows": [row.to_dict() for row in rows]})
-    write_into(folder, "compare.json", lambda file: write_text(file, content))
-    with after_results(folder, "compare.json"):
-        html = _page(folder, problem, gaits, rows, seed).html()
-        write_into(folder, PAGE_FILE, lambda file: write_text(file, html))
+    with filled_folder(path, f"{problem.name}-compare") as folder:
+        content = to_json({"rows": [row.to_dict() for row in rows]})
+        write_into(folder, "compare.json", lambda file: write_text(file, content))
+        with after_results(folder, "compare.json"):
+            html = _page(folder, problem, gaits, rows, seed).html()
+            write_into(folder, PAGE_FILE, lambda file: write_text(file, html))
     return folder
 
 

@@ -11,7 +11,7 @@ from gaitopt.optimise.sweep import SweepPoint, SweptPoint
 from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.page import after_results, png, writer
-from gaitopt.runs.folder import new_folder
+from gaitopt.runs.folder import filled_folder
 from gaitopt.simulation.rollout import Simulator
 
 
@@ -28,11 +28,11 @@ def write_sweep(
         points: the problem and the gait at each value, each under a name of its own.
         rows: what the sweep found at each value.
     """
-    folder = new_folder(path, f"{problem.name}-sweep")
-    write_text(folder / "sweep.json", to_json({"rows": [row.to_dict() for row in rows]}))
-    if problem.roles.marker is not None:
-        with after_results(folder, "sweep.json"):
-            _write_plots(folder, problem, points)
+    with filled_folder(path, f"{problem.name}-sweep") as folder:
+        write_text(folder / "sweep.json", to_json({"rows": [row.to_dict() for row in rows]}))
+        if problem.roles.marker is not None:
+            with after_results(folder, "sweep.json"):
+                _write_plots(folder, problem, points)
     return folder
 
 

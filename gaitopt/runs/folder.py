@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text, write_with
-from gaitopt.core.folders import not_empty
+from gaitopt.core.folders import check_new_or_empty, not_empty
 from gaitopt.problem.lookup import PROBLEM_FILE
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.lock import LOCK_FILE, FolderLock
@@ -44,6 +44,23 @@ def new_folder(path: Path | None, name: str) -> Path:
     path = path or next_free(name)
     make_folder(path)
     return path
+
+
+@contextmanager
+def filled_folder(path: Path | None, name: str) -> Iterator[Path]:
+    """Yield a new or empty folder, as `new_folder` returns it; one that was made and stays empty is removed.
+
+    Raises:
+        GaitoptError: the folder holds something already, or cannot be made.
+    """
+    path = path or next_free(name)
+    made = make_folder(path)
+    try:
+        yield path
+    finally:
+        if made:
+            with suppress(OSError):  # it holds something
+                path.rmdir()
 
 
 def next_free(name: str) -> Path:
@@ -124,8 +141,29 @@ def write_problem(folder: Path, problem: Problem, model: str) -> None:
     write_into(folder, PROBLEM_FILE, lambda path: write_text(path, problem.to_toml(MODEL_FILE)))
 
 
+def check_free(path: Path | None) -> None:
+    """Check that a run may begin in a folder: it is new, empty, or of a run killed before its first result.
+
+    Args:
+        path: the folder; None for one that gets a free name later.
+
+    Raises:
+        GaitoptError: the folder holds something already, or the path is a file.
+    """
+    if path is None or not path.is_dir() or not _killed_while_made(path):
+        check_new_or_empty(path)
+
+
 def _killed_while_made(path: Path) -> bool:
-    """Whether a folder holds the lock and the first files of a run killed in its first second."""
-    names = {file.name for file in path.iterdir()}
-    half = {name for name in names if _HALF_WRITTEN.fullmatch(name)}
-    return LOCK_FILE in names and names - half <= {LOCK_FILE, *FIRST_FILES}
+    """Whether a folder holds the lock and the first files of a run that was killed before its first result.
+
+    Folders inside it then hold nothing but what is half-written.
+    """
+    whole = {file.name for file in path.iterdir() if not _holds_nothing_whole(file)}
+    return LOCK_FILE in whole and whole <= {LOCK_FILE, *FIRST_FILES}
+
+
+def _holds_nothing_whole(path: Path) -> bool:
+    if path.is_dir() and not path.is_symlink():
+        return all(_HALF_WRITTEN.fullmatch(file.name) for file in path.iterdir())
+    return _HALF_WRITTEN.fullmatch(path.name) is not None

@@ -1,150 +1,148 @@
-"""Kill -9 at random moments, then --resume: is the result that of an undisturbed run, to the last bit?
+"""Kill -9 in every stage, then --resume: is the result that of an undisturbed run, to the last bit?
 
-Each case starts the same run, kills its whole process group after a random share of the time that an
-undisturbed run takes, and resumes it (or, where the kill left nothing to resume, starts it again).
-Every third case is killed a second time while it resumes.
+A case is one run folder. The run is killed in its first stage, at a random moment of that stage. The run that
+goes on is killed in the next stage, and so on; the last one ends undisturbed. A search has twelve stages, a
+diagnosis as well. Each kill must land: the process ends by SIGKILL, and its marker names the stage. See
+``tests/stopping.py``. A study that was ended goes on with the cases that are missing.
 
-    python tests/studies/kill_resume.py --out results/kill-resume
+    python tests/studies/kill_resume.py --cases 20 --seed 1 --out results/kill-resume
 
-Cost: about 5 min of two cores (estimated).
+Cost: about 20 s a search and 25 s a diagnosis on one busy core, so about 15 min for 20 of each.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import os
+import random
 import signal
-import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 
-import numpy as np
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
-GAITOPT = [sys.executable, "-c", "from gaitopt.cli import main; raise SystemExit(main())"]
-RESULTS = ("best.toml", "evaluations.csv", "model.xml", "problem.toml")
+from kept import read_kept, version, write_kept
+from stopping import Stop, Work, diagnosis, result, search, small_trials
+
+from gaitopt.core.json import to_json
+
+JOBS = ("optimise", "diagnose")
 
 
 def main() -> None:
     """Run the cases and write ``kill-resume.json`` and ``README.md``."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--problem", default=str(Path(__file__).parents[1] / "robots" / "strider"))
-    parser.add_argument("--budget", type=int, default=60)
-    parser.add_argument("--cases", type=int, default=20)
+    parser.add_argument("--cases", type=int, default=20, help="of each job")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--executor", default="threads")
+    parser.add_argument("--job", choices=JOBS, help="only this one")
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
+    path = options.out / "cases.jsonl"
     with tempfile.TemporaryDirectory() as folder:
-        report = study(options, Path(folder))
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "kill-resume.json").write_text(json.dumps(report, indent=1) + "\n")
-    (options.out / "README.md").write_text(page(report))
-    print(page(report))
+        small_trials(Path(folder) / "trials")
+        for job in JOBS if options.job is None else (options.job,):
+            rows = study(job, options, Path(folder), path)
+    rows = read_kept(path, options.seed)
+    text = page(rows, options.seed)
+    (options.out / "README.md").write_text(text)
+    (options.out / "kill-resume.json").write_text(to_json({"made_at": version(), "stages": tabulated(rows)}))
+    print(text)
 
 
-def study(options: argparse.Namespace, folder: Path) -> dict:
-    """Return the figures of every case."""
-    rest = ["--budget", str(options.budget), "--executor", options.executor, "--quiet"]
-    command = ["optimise", options.problem, *rest, "--out"]
-    began = time.monotonic()
-    ended, _ = finish([*command, str(folder / "whole")])
-    took = time.monotonic() - began
-    assert ended == 0
-    expected = result(folder / "whole")
-    rng = np.random.default_rng(options.seed)
-    cases = []
-    for index in range(options.cases):
-        run = folder / f"case-{index}"
-        moments = [float(rng.uniform(0.0, took)), float(rng.uniform(0.0, took))][: 2 if index % 3 == 2 else 1]
-        case = one([*command, str(run)], run, moments, options.executor)
-        cases.append(case | {"same": result(run) == expected})
-        print(f"{index + 1}/{options.cases}", cases[-1], flush=True)
-    name = Path(options.problem).name
-    keys = ("budget", "executor", "seed")
-    return (
-        {"problem": name, "undisturbed_s": took} | {k: getattr(options, k) for k in keys} | {"cases": cases}
-    )
+def work_of(job: str, folder: Path, trials: Path, workers: int) -> Work:
+    return search(folder, workers=workers) if job == "optimise" else diagnosis(folder, trials, workers)
 
 
-def one(command: list[str], run: Path, moments: list[float], executor: str) -> dict:
-    """Kill a run at each moment, then let it end; return what was on the disk when it was killed."""
+def study(job: str, options: argparse.Namespace, folder: Path, path: Path) -> list[dict]:
+    """Run the cases of one job that are not done yet, and keep each."""
+    rows, trials = read_kept(path, options.seed), folder / "trials"
+    done = {row["case"] for row in rows if row["job"] == job}
+    waiting = [case for case in range(options.cases) if case not in done]
+    if not waiting:
+        return rows
+    whole = work_of(job, folder / f"{job}-whole", trials, 1)
+    ticks = whole.run().ticks
+    expected = result(whole.folder)
+    for case in waiting:
+        began = time.monotonic()
+        work = work_of(job, folder / f"{job}-{case}", trials, 1 + case % 2)
+        kills = killed(work, ticks, random.Random(f"{options.seed}/{job}/{case}"))
+        ended = work.run()
+        same = ended.code == 0 and not ended.err and result(work.folder) == expected
+        row = {"job": job, "case": case, "seed": options.seed, "workers": 1 + case % 2, "kills": kills}
+        rows.append(row | {"same": same, "seconds": time.monotonic() - began, "error": ended.err})
+        write_kept(path, rows)
+        print(f"{job} {case}: {'same bits' if same else 'OTHER BITS'}", file=sys.stderr, flush=True)
+    return rows
+
+
+def killed(work: Work, ticks: dict[str, int], rng: random.Random) -> list[dict]:
+    """Kill a run in each of its stages, in the first half of each, and return where it happened.
+
+    What an earlier run simulated is not simulated again, so the second half may never come.
+    """
     kills = []
-    for moment in moments:
-        kill(again(command, run, executor), moment)
-        kills.append({"after_s": moment, "gaits": rows(run), "stage": stage(run)})
-    code, error = finish(again(command, run, executor))
-    return {"kills": kills, "exit": code, "message": error}
+    for stage in work.stages:
+        tick = rng.randint(1, max(1, ticks[stage] // 2))
+        ended = work.run(Stop(stage, tick))
+        landed = ended.code == -signal.SIGKILL and ended.marker.get("stage") == stage
+        kills.append({"stage": stage, "tick": tick, "at": ended.marker.get("at"), "landed": landed})
+    return kills
 
 
-def again(command: list[str], run: Path, executor: str) -> list[str]:
-    if not (run / "run.toml").exists():
-        return command
-    return ["optimise", str(run), "--resume", str(run), "--executor", executor, "--quiet"]
+def tabulated(rows: list[dict]) -> list[dict]:
+    """Return a row of each stage of each job: kills that landed, and cases that ended with the same bits."""
+    table = []
+    for job in JOBS:
+        mine = [row for row in rows if row["job"] == job]
+        for stage in dict.fromkeys(kill["stage"] for row in mine for kill in row["kills"]):
+            kills = [(kill, row["same"]) for row in mine for kill in row["kills"] if kill["stage"] == stage]
+            at = Counter("a file" if "." in str(kill["at"]) else str(kill["at"]) for kill, _ in kills)
+            table.append(
+                {
+                    "job": job,
+                    "stage": stage,
+                    "cases": len(kills),
+                    "landed": sum(kill["landed"] for kill, _ in kills),
+                    "same": sum(same for _, same in kills),
+                    "moments": len({kill["tick"] for kill, _ in kills}),
+                    "at": dict(at),
+                }
+            )
+    return table
 
 
-def kill(arguments: list[str], moment: float) -> None:
-    process = subprocess.Popen(
-        [*GAITOPT, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
-    )
-    try:
-        process.wait(moment)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-
-
-def finish(arguments: list[str]) -> tuple[int, str]:
-    ended = subprocess.run([*GAITOPT, *arguments], capture_output=True, text=True, check=False)
-    return ended.returncode, ended.stderr.strip()
-
-
-def rows(run: Path) -> int:
-    path = run / "evaluations.csv"
-    return max(0, path.read_bytes().count(b"\n") - 1) if path.exists() else 0
-
-
-def stage(run: Path) -> str:
-    """What the disk says of how far a run had come."""
-    marks = (("summary.json", "finished"), ("figures", "report"), ("evaluations.csv", "search"))
-    names = {path.name for path in run.iterdir()} if run.exists() else set()
-    return next((name for mark, name in marks if mark in names), "before its first gait")
-
-
-def result(run: Path) -> dict:
-    """Everything that a run found, to the last bit; its clock's figure aside."""
-    summary = json.loads((run / "summary.json").read_text())
-    del summary["wall_s"]
-    files = {name: (run / name).read_text() for name in RESULTS}
-    return {"summary": summary, "files": files, "names": sorted(p.name for p in run.iterdir())}
-
-
-def page(report: dict) -> str:
+def page(rows: list[dict], seed: int) -> str:
     """Return the README of the results folder."""
-    cases = report["cases"]
+    table, count = tabulated(rows), Counter(row["job"] for row in rows)
+    same = sum(row["same"] for row in rows)
     lines = [
         "# Kill and resume",
         "",
-        f"{len(cases)} runs of `gaitopt optimise` on `{report['problem']}` ({report['budget']} gaits, "
-        f"executor {report['executor']}), killed with SIGKILL at random moments of the "
-        f"{report['undisturbed_s']:.1f} s that an undisturbed run takes, then resumed. "
-        f"**{sum(case['same'] for case in cases)} of {len(cases)} end with the undisturbed run's bits**: "
-        "journal, best gait, model, problem, every figure of the summary but `wall_s`, and the same files.",
+        f"{count['optimise']} searches of 24 gaits and {count['diagnose']} diagnoses of one trial on the "
+        "strider, each killed with SIGKILL in every one of its stages, resumed after each kill, and compared "
+        f"with an undisturbed run: **{same} of {len(rows)} end with its bits** (all files; of the summary "
+        "all but `wall_s`; pages and films are only compared by name). Brief studies, one worker in every "
+        "second case, two in the others.",
         "",
-        f"Made by `python tests/studies/kill_resume.py --budget {report['budget']} "
-        f"--executor {report['executor']} --cases {len(cases)} --seed {report['seed']} "
-        "--out results/kill-resume`.",
+        "A kill counts as landed if the process ended by SIGKILL and its marker names the stage. The moment "
+        "is random among the first half of the stage's ticks: its call, each start of a rollout, and each "
+        "moment before a written file gets its name.",
         "",
-        "| case | killed after [s] | gaits on disk | stage | exit after resuming | same bits |",
-        "|---|---|---|---|---|---|",
+        f"Made by `python tests/studies/kill_resume.py --cases {max(count.values())} --seed {seed} --out "
+        f"results/kill-resume` in {sum(row['seconds'] for row in rows) / 60.0:.1f} minutes of a busy core.",
+        "",
+        "| job | killed in | kills | landed | same bits at the end | different moments | at |",
+        "|---|---|---|---|---|---|---|",
     ]
-    for index, case in enumerate(cases):
-        cells = [[f"{k['after_s']:.2f}", str(k["gaits"]), k["stage"]] for k in case["kills"]]
-        joined = [", then ".join(column) for column in zip(*cells, strict=True)]
-        same = "yes" if case["same"] else "NO"
-        lines.append(f"| {index + 1} | {' | '.join(joined)} | {case['exit']} | {same} |")
+    for row in table:
+        at = ", ".join(f"{what} {n}" for what, n in row["at"].items())
+        cells = [row[key] for key in ("job", "stage", "cases", "landed", "same", "moments")]
+        lines.append(f"| {' | '.join(map(str, cells))} | {at} |")
+    wrong = [row for row in rows if not row["same"]]
+    lines += [""] * bool(wrong) + [f"- {row['job']} {row['case']}: {row['error'].strip()}" for row in wrong]
     return "\n".join(lines) + "\n"
 
 

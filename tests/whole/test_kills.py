@@ -1,4 +1,4 @@
-"""Kills, Ctrl-C and SIGTERM in every stage of a search and of a diagnosis: nothing is lost, no bit changes."""
+"""Kills, Ctrl-C and SIGTERM in every stage of a search and of a diagnosis: nothing is lost."""
 
 import shlex
 import signal
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from stopping import DIAGNOSIS, SEARCH, Ended, Stop, Work, diagnosis, result, search, small_trials
+from stopping import Ended, Stop, Work, diagnosis, result, search, small_trials
 
 
 @pytest.fixture(scope="module")
@@ -71,18 +71,11 @@ def test_an_interrupt_in_every_stage_is_a_clean_end(
             (line,) = before
             assert line.startswith("gaitopt: stopped after ")
             said = shlex.split(line.partition("; go on with: gaitopt ")[2])
-            assert said == [str(w) for w in again if w not in ("--full", "--quiet")][: len(said)] or set(
-                said
-            ) <= {str(w) for w in again}, stage
+            assert said[:2] == [str(word) for word in again[:2]], stage
+            assert ("--resume", str(work.folder)) == tuple(said[said.index("--resume") :][:2]), stage
         else:
             assert not before
             assert not work.folder.exists(), stage
         assert not list(tmp_path.rglob(".*")), "something half-written or a lock is left"
     assert work.run().code == 0
     assert result(work.folder) == result(whole[0].folder)
-
-
-def test_the_stages_are_those_of_the_two_jobs() -> None:
-    assert not set(SEARCH) & {"floor"}
-    assert {"polish", "verification", "page"} <= set(SEARCH)
-    assert {"floor", "pairs", "next experiment", "correction"} <= set(DIAGNOSIS)

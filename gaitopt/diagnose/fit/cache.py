@@ -70,6 +70,12 @@ class SimulationCache:
         """Return whether a folder holds any cache."""
         return any(folder.glob(f"{_PREFIX}*"))
 
+    @staticmethod
+    def clear_in(folder: Path) -> None:
+        """Remove every cache in a folder."""
+        for path in folder.glob(f"{_PREFIX}*"):
+            shutil.rmtree(path, ignore_errors=True)
+
     @property
     def count(self) -> int:
         """Number of results."""
