@@ -1,5 +1,6 @@
 """Kills, Ctrl-C and SIGTERM in every stage of a search and of a diagnosis: nothing is lost."""
 
+import itertools
 import shlex
 import signal
 from collections.abc import Callable
@@ -53,15 +54,16 @@ def test_a_run_killed_in_every_stage_ends_with_the_same_bits(
     assert result(work.folder) == result(whole[0].folder)
 
 
+ENDS = [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("number", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
-)
 def test_an_interrupt_in_every_stage_is_a_clean_end(
-    whole: tuple[Work, Ended], make: Make, tmp_path: Path, number: int, code: int, word: str
+    whole: tuple[Work, Ended], make: Make, tmp_path: Path
 ) -> None:
+    """Ctrl-C in the first stage; SIGTERM in the next stage of the run that goes on; and so on."""
     work = make(tmp_path / "a run")
-    for stage in work.stages:
+    for (number, code, word), stage in zip(itertools.cycle(ENDS), work.stages, strict=False):
         ended = work.run(Stop(stage, 3 if whole[1].ticks[stage] > 6 else 1, number))
         assert (ended.code, ended.out, ended.marker.get("stage")) == (code, "", stage), ended
         *before, last = ended.err.splitlines()
