@@ -179,7 +179,7 @@ def diagnose(
         diagnosis_folder(out_folder(out), resumed, problem.name) as folder,
         opened(executor, workers) as pool,
     ):
-        if resumed is not None and not question.cache(folder).count:
+        if resumed is not None and not question.cache(folder).folder.is_dir():
             raise GaitoptError(
                 f"--resume: {folder}: nothing was simulated there with this problem, data set and seed"
             )
@@ -217,6 +217,7 @@ def answered_into(
         diagnosis = question.answered(executor, on_progress, cache)
         problem = question.simulator.problem
         correction = correct(problem, diagnosis, executor if corrected else None)
+        cache.keep()  # until the page is written, too
         write_diagnosis(folder, problem, diagnosis, correction, full)
         cache.clear()
     return diagnosis

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_with
 from gaitopt.core.versions import versions_text
 from gaitopt.diagnose.record.dataset import DataSet
@@ -76,6 +77,17 @@ class SimulationCache:
         for path in folder.glob(f"{_PREFIX}*"):
             shutil.rmtree(path, ignore_errors=True)
 
+    def keep(self) -> None:
+        """Make its folder, though nothing may be in it: what is left to do there is found by it.
+
+        Raises:
+            GaitoptError: it cannot be made.
+        """
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise GaitoptError(f"{self.folder}: cannot be made: {error.strerror}") from None
+
     @property
     def count(self) -> int:
         """Number of results."""
@@ -95,7 +107,7 @@ class SimulationCache:
         Raises:
             GaitoptError: it cannot be written.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
+        self.keep()
         write_with(self._path(name), lambda path: np.savez(path, allow_pickle=False, **arrays))
 
     def clear(self) -> None:
