@@ -1,4 +1,4 @@
-"""A sealed case beside its diagnosis: what of the answer is right."""
+"""A sealed case and its diagnosis: which parts of the answer are right."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TIED = 0.995
 
 
 class FittedParameter(BaseModel):
-    """A parameter as ``diagnosis.json`` has it; what is not finite is null there."""
+    """A parameter as ``diagnosis.json`` has it; a number that is not finite is null there."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -123,7 +123,7 @@ class Case(BaseModel):
         return len(self.diagnosis.causes) == 1 and row is not None and row.alike >= TIED
 
     def row(self, effect: str | None) -> AnsweredEffect | None:
-        """Return what the diagnosis says of an effect."""
+        """Return the diagnosis' row of an effect."""
         return next((row for row in self.diagnosis.effects if row.name == effect), None)
 
     @property

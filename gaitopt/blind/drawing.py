@@ -53,12 +53,12 @@ class Draw:
 
     @property
     def effects(self) -> dict[str, Values]:
-        """What a problem file says of the effects."""
+        """The effects, as a problem file states them."""
         return {p.hypothesis.effect.name: p.hypothesis.values(p.at) for p in self.planted}
 
     @property
     def rows(self) -> tuple[PlantedEffect, ...]:
-        """What the truth says of the effects."""
+        """The effects, as the sealed truth states them."""
         if self.disturbance is not None:
             figures = dict(self.disturbance.figures)
             return (PlantedEffect(name=self.disturbance.name, target="all", parameters=figures),)
@@ -115,7 +115,7 @@ def draw_case(
         only: the effect or disturbance to plant; any by default.
 
     Raises:
-        GaitoptError: the effect asked for cannot make such a gap.
+        GaitoptError: the requested effect cannot make such a gap.
     """
     if kind == "none":
         return Sized(Draw(kind), 0.0)

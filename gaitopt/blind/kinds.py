@@ -1,4 +1,4 @@
-"""Kinds of blind cases; by themselves, because the command line names them before anything is loaded."""
+"""Kinds of blind cases; in a separate file, so that the command line loads nothing else to name them."""
 
 KINDS = ("single", "none", "outside", "pair")
 """One effect, none, a disturbance outside the library, two effects."""

@@ -30,7 +30,7 @@ class Camera:
 
     Attributes:
         known: whether the recordings say when they begin.
-        fps: frames a second.
+        fps: frames per second.
         noise_m: standard deviation of the marker's noise, m.
     """
 

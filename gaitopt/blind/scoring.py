@@ -1,4 +1,4 @@
-"""The record of diagnoses on sealed cases: how often right, how sure, how far the gap shrank."""
+"""The record of diagnoses on sealed cases: how often they are right, how sure, how far the gap shrinks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ScoreSettings:
         confidence: of every interval.
         resamples: of a mean's bootstrap.
         bins: edges of the probabilities by which the calibration is reported.
-        oracle_from: a true effect that shrinks the gap less than this says nothing of the answer's shrinkage.
+        oracle_from: a true effect that shrinks the gap less than this says nothing about the answer's shrinkage.
         oracle_most: an answer counts as at most this many times as good as the true effect.
     """
 
@@ -45,7 +45,7 @@ class Estimate:
     cases: int
 
     def to_dict(self) -> dict[str, object]:
-        """Return it as it stands in the record."""
+        """Return the row of the record."""
         return {"value": self.value, "ci90": list(self.ci90), "cases": self.cases}
 
 
@@ -65,7 +65,7 @@ class CalibrationBin:
     right: Estimate
 
     def to_dict(self) -> dict[str, object]:
-        """Return it as it stands in the record."""
+        """Return the row of the record."""
         return {"said": self.said} | self.right.to_dict()
 
 

@@ -36,7 +36,7 @@ class Truth(BaseModel):
     Attributes:
         kind: one of `kinds.KINDS`.
         effects: what was planted.
-        gap_over_floor: what that alone changed, the largest of all trials, in floors.
+        gap_over_floor: the change by these effects alone, the largest of all trials, in floors.
         figures: what else was drawn.
     """
 

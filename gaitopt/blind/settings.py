@@ -24,7 +24,7 @@ class BlindSettings:
         cases_tried: cases drawn until one makes a gap by other numerics too.
         fidelities: timesteps and integrators of the robots recorded; the diagnosis uses another.
         impratios: stiffness of their friction cones; see MuJoCo's ``impratio``.
-        frame_rates: frames a second of the cameras.
+        frame_rates: frames per second of the cameras.
         marker_noise_m: range of the marker's noise, m: standard deviations of trackers on films.
         angle_noise_rad: standard deviation of an angle's noise, rad.
         joint_floor_rad: floor of a joint's angle, rad.

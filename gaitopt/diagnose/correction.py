@@ -1,4 +1,4 @@
-"""The corrected robot: its trials and its gaits beside those of the nominal one."""
+"""The corrected robot: its trials and its gaits, compared with those of the nominal one."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from gaitopt.simulation.setup import RobotSetup
 
 @dataclass(frozen=True)
 class CorrectionSettings:
-    """How gaits for the corrected robot are looked for: briefly, `gaitopt optimise` searches longer.
+    """How gaits for the corrected robot are searched: briefly; `gaitopt optimise` searches longer.
 
     Attributes:
         periods_s: periods at which the first baseline's wave is predicted, s.
@@ -49,7 +49,7 @@ class CorrectionSettings:
 
 
 DEFAULT = CorrectionSettings()
-"""What is used where no settings are given; tests that drive the command line set it to a shorter search."""
+"""The settings if none are given; tests of the command line replace them by a shorter search."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Walked:
     Attributes:
         name: what the report calls it.
         period_s: its period, s.
-        nominal_m_s, corrected_m_s: forward speeds, m/s; NaN where it cannot walk.
+        nominal_m_s, corrected_m_s: forward speeds, m/s; NaN where the simulation fails.
     """
 
     name: str
@@ -78,9 +78,9 @@ class Correction:
 
     Attributes:
         problem: the problem with its effects switched on.
-        trials: the trials beside the corrected robot; none where that was not asked for, or it cannot be
+        trials: the trials compared with the corrected robot; none if not requested, or if it cannot be
             simulated.
-        walked: gaits on both robots; none where that was not asked for.
+        walked: gaits on both robots; none if not requested.
     """
 
     problem: Problem
@@ -113,7 +113,7 @@ def correct(
 
 
 def _beside(corrected: Problem, diagnosis: Diagnosis, executor: Executor) -> tuple[Aligned, ...]:
-    """Return the trials beside the corrected robot; none where it cannot be simulated."""
+    """Return the trials compared with the corrected robot; none if it cannot be simulated."""
     trials = [gap.aligned.trial for gap in diagnosis.trials]
     try:
         predictions = predict(Simulator.build(corrected), trials, executor)

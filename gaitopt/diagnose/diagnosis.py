@@ -1,4 +1,4 @@
-"""A diagnosis: data set and simulator in, where the gap lies and what is known of its cause out."""
+"""A diagnosis: from data set and simulator to where the gap lies and what is known of its cause."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from gaitopt.simulation.rollout import Simulator
 
 @dataclass(frozen=True)
 class DiagnosisRequest:
-    """What is asked of a diagnosis.
+    """The request for a diagnosis.
 
     Attributes:
         seed: seed of all randomness.
@@ -179,13 +179,13 @@ def diagnose(
         dataset: the data set.
         request: seed, effects to try, and whether to look for the next gait.
         executor: where rollouts run.
-        on_progress: called as it goes on.
+        on_progress: called with the progress.
         cache: keeps what is simulated, and returns what it has; None to keep nothing.
         settings: tuning constants of all steps.
 
     Raises:
         GaitoptError: a trial has fewer than two cycles left, the simulation of its gait fails, or none of the
-            effects asked for can be tried.
+        requested effects can be tried.
     """
     tried = _hypotheses(simulator, dataset, request.effects)
     on_progress(Progress("measuring the floor", unit="robots"))
@@ -204,7 +204,7 @@ def diagnose(
 
 
 def _hypotheses(simulator: Simulator, dataset: DataSet, effects: Collection[str] | None) -> list[Hypothesis]:
-    """Return what is tried: every effect that applies and is asked for, on each of its targets."""
+    """Return the hypotheses: every requested effect that applies, on each of its targets."""
     known = any(trial.starts_at_s is not None for trial in dataset.trials)
     active = [one.effect.name for one in simulator.effects.active]
     applicable = hypotheses(simulator.effects.nominal, simulator.problem.channel_names, known, active)

@@ -1,4 +1,4 @@
-"""One trial beside the nominal prediction: its gap, its floors, and what is wrong with its recording."""
+"""One trial aligned with the nominal prediction: its gap, its floors, and the defects of its recording."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gaitopt.problem.problem import Problem
 from gaitopt.robot.signals import is_marker, unit_of
 
 SIGNIFICANT = 2.0
-"""A gap of this many floors is significant: what remains of a right model is below it in 95 of 100 cases."""
+"""A gap of this many floors is significant: the gap of a correct model is below it in 95 of 100 cases."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class SignalGap:
     Attributes:
         signal: name of the signal.
         gap: RMS distance of measured and predicted, in `unit`.
-        floor: what keeps a right model from fitting better.
+        floor: why a correct model does not fit better.
         split: the gap by component.
     """
 
@@ -66,10 +66,10 @@ class TrialGap:
 
     Attributes:
         cleaned: the trial as recorded and as used, with the record's own defects.
-        aligned: the cleaned trial beside the nominal prediction.
+        aligned: the cleaned trial, aligned with the nominal prediction.
         floors: floor of each signal.
         splits: the gap of each signal by component, with what defects of the record put into it.
-        mismatches: defects seen only beside the prediction.
+        mismatches: defects seen only in comparison with the prediction.
     """
 
     cleaned: Cleaned
@@ -85,7 +85,7 @@ class TrialGap:
 
     @property
     def defects(self) -> tuple[Defect, ...]:
-        """Everything wrong with the record."""
+        """All defects of the record."""
         return self.cleaned.defects + self.mismatches
 
     @property
@@ -147,7 +147,7 @@ def trial_gap(
     Args:
         problem: the nominal problem.
         cleaned: the trial with the defects of its record.
-        aligned: the same beside the nominal prediction.
+        aligned: the same, aligned with the nominal prediction.
         floors: the floor of each signal.
         settings: see `GapSettings`.
     """

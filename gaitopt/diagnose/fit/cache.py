@@ -1,4 +1,4 @@
-"""The cache of a diagnosis: what it has simulated, on disk, so that an interrupted one can go on."""
+"""The cache of a diagnosis: its simulations, on disk, so that an interrupted one can continue."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Arrays = Mapping[str, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class SimulationCache:
-    """Results by name, each in a file that is written as a whole.
+    """Results by name, each in a file that is complete or absent.
 
     Attributes:
         folder: folder of the files; made with the first one.
@@ -39,7 +39,7 @@ class SimulationCache:
     def of(
         folder: Path, simulator: Simulator, dataset: DataSet, seed: int, settings: object = None
     ) -> SimulationCache:
-        """Return the cache, in a folder, of all diagnoses that would simulate the same.
+        """Return the cache, in a folder, that all diagnoses with the same simulations share.
 
         Args:
             folder: the run folder.

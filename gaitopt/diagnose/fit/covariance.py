@@ -1,4 +1,4 @@
-"""The covariance of a trial's bins: what keeps even a right model from fitting them."""
+"""The covariance of a trial's bins: why even a correct model does not fit them exactly."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def robot_covariance(aligned: Aligned, bins: Bins, changes: Array, settings: WhiteningSettings) -> Array:
-    """Return the covariance from small errors of the robot, with a smooth remainder of a like size.
+    """Return the covariance from small errors of the robot, with a smooth remainder of similar size.
 
     Args:
         aligned: the trial.
@@ -51,7 +51,7 @@ def measurement_covariance(
     """Return the covariance from noise, cycles that differ, the marker's free origin and a rounded clock.
 
     Args:
-        aligned: the trial beside its nominal prediction.
+        aligned: the trial aligned with its nominal prediction.
         floors: floor of each signal.
         bins: the trial's bins.
         nominal: nominal prediction of each row, m or rad, shape (n,).

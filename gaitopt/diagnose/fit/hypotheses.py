@@ -51,7 +51,7 @@ class Hypothesis:
         return math.log(value) if self.effect.scale == "log" else value
 
     def values(self, coordinate: float) -> Values:
-        """Return what a problem file says of the effect at a coordinate."""
+        """Return the effect at a coordinate, as a problem file states it."""
         values: dict[str, float | str] = {self.effect.parameter: self.value(coordinate)}
         return values if self.effect.target == "none" else values | {"target": self.target}
 
@@ -61,7 +61,7 @@ class Hypothesis:
 
     @property
     def measurement_only(self) -> bool:
-        """Whether the effect changes the measurement alone, so that nothing needs to be simulated."""
+        """Whether the effect changes only the measurement, so that nothing needs to be simulated."""
         return not self.effect.changes_robot
 
     def screened(self, settings: FitSettings = FIT) -> list[float]:

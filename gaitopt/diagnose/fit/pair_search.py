@@ -1,10 +1,10 @@
 """The search for two effects that together explain the trials.
 
 Pairs are found in three ways. The changes of two single effects are added up, at every simulated size. Every
-effect is simulated on top of the best single one, since it may act differently beside it. Effects with a
+effect is simulated on top of the best single one, because it may act differently there. Effects with a
 similar signature take the place of either of the best two. The most promising pairs are fitted by
 Gauss–Newton with slopes measured at the pair; more pairs follow while none leaves little. At the end, effects
-that do the same as one of the best pair are fitted from there, so that the answer names what these trials
+that act like one of the best pair are fitted from there. So the answer names all effects that these trials
 cannot tell apart.
 """
 
@@ -93,7 +93,7 @@ class PairSearch:
         return list(found.values())
 
     def twins(self, pair: PairFit, near: Sequence[PairFit]) -> list[Start]:
-        """Return each effect with the signature of one of a pair, beside the other one.
+        """Return each effect with the signature of one of a pair, together with the other one.
 
         Args:
             pair: the pair.
@@ -116,7 +116,7 @@ class PairSearch:
         return _first(found, self.settings.twins)
 
     def substitutes(self, pair: PairFit) -> list[Start]:
-        """Return the effects that nearly do what one of a pair does where it is, beside the other one."""
+        """Return the effects that act nearly like one of a pair, together with the other one."""
         found: list[tuple[float, Start]] = []
         for index, one in enumerate(pair.fits):
             stays, at = pair.fits[1 - index], pair.best().at
@@ -184,7 +184,7 @@ class PairSearch:
                 pair.learn(comparison)
 
     def _measure_slopes(self, pairs: Sequence[PairFit]) -> None:
-        """Measure the slopes of pairs at their best points: they differ beside another effect."""
+        """Measure the slopes of pairs at their best points: they differ from those of single effects."""
         bests = {id(pair): pair.best() for pair in pairs}
         work: Work = []
         for pair in pairs:
@@ -202,7 +202,7 @@ class PairSearch:
             pair.max_step = self.settings.max_step
 
     def _probe(self, pairs: Sequence[PairFit]) -> None:
-        """Simulate pairs some way off along each coordinate: a jagged response has more than one valley."""
+        """Simulate pairs away from the best along each coordinate: there may be more than one valley."""
         work: Work = []
         for pair in pairs:
             for way in np.concatenate([np.diag(pair.spans), -np.diag(pair.spans)]):

@@ -41,7 +41,7 @@ def promising_sums(fits: Sequence[Fit], nominal: Comparison, settings: PairSetti
     """Return the sums of two changes that leave least, few of the same effects.
 
     Each robot simulated with one effect is added to each of another, not only to the one that fits best
-    alone: beside another effect the best coordinate may differ.
+    alone: with another effect the best coordinate may differ.
     """
     tried = [fit for fit in fits if len(fit.comparisons) > 1]
     sums = sorted(_best_sums(tried, nominal), key=lambda entry: entry[0])[: settings.refined_sums]

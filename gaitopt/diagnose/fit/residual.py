@@ -1,14 +1,15 @@
 """Residuals that can be added up: a trial against a prediction, whitened by a covariance.
 
 A trial is averaged over bins of a block (a cycle, where there are cycles), its signals side by side in order
-of time. The covariance S of these bins says how far off a right model may be. Its parts are the camera's
+of time. The covariance S of these bins says how far off a correct model may be. Its parts are the camera's
 noise, the change of the prediction with small errors (start pose, masses, timestep, cone), a smooth remainder
-of a like size, cycles that differ, and the marker's free origin. With S = L L', the whitened residual
+of similar size, the differences between cycles, and the marker's free origin. With S = L L', the
+whitened residual
 
     z = L^-1 (measured - predicted)
 
-has unit variance if the model is right. In order of time, each of its entries is what the earlier ones do not
-predict. So cycles can be resampled, left out and added up.
+has unit variance if the model is correct. In order of time, each entry is the part that the earlier ones do
+not predict. So cycles can be resampled, left out and added up.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TrialResiduals:
-    """One trial beside one prediction.
+    """One trial compared with one prediction.
 
     Attributes:
         whitened: whitened residual, shape (rows,).
@@ -51,7 +52,7 @@ class WhitenedTrial:
     """One trial, ready to be compared with any prediction of it.
 
     Attributes:
-        aligned: the trial beside the nominal prediction.
+        aligned: the trial aligned with the nominal prediction.
         bins: its rows.
         whitener: inverse of the lower Cholesky factor of the covariance, shape (n, n).
         measurement: covariance of noise, spread and origin, which no robot changes, m² and rad², shape (n,
@@ -75,7 +76,7 @@ class WhitenedTrial:
         """Return a trial with the covariance from some perturbed robots.
 
         Args:
-            aligned: the trial beside the nominal prediction.
+            aligned: the trial aligned with the nominal prediction.
             floors: floor of each signal.
             perturbed: predictions of the trial by robots with small errors.
             settings: how the covariance is made.
@@ -112,7 +113,7 @@ class WhitenedTrial:
         return update
 
     def compare(self, trajectory: Trajectory) -> TrialResiduals | None:
-        """Return the trial beside a prediction; None where the simulation failed."""
+        """Return the trial compared with a prediction; None where the simulation failed."""
         if trajectory.status != "ok" or len(trajectory.time) == 0:
             return None
         known = self.aligned.trial.starts_at_s is not None

@@ -1,8 +1,8 @@
 """How the whitened residual responds to the parameters near a simulated robot: slopes and jumps.
 
 Contacts make the response jagged. It jumps from one simulated robot to the next, so slopes over short
-distances are steep, and the luckiest of several near robots wins. So the slopes are fitted to all near robots
-together, and the nearest robots' deviations from them count as chance.
+distances are steep, and the best of several near robots is best by chance. So the slopes are fitted to all
+near robots together, and the nearest robots' deviations from them count as chance.
 """
 
 from __future__ import annotations

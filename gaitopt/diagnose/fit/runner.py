@@ -1,8 +1,8 @@
 """Robots simulated for a set of trials: the only heavy work of a fit.
 
-An executor is given values: a problem and the values of its effects, or a simulator, and what is to
-be run. It returns the measured signals alone. The trials are compared with them here, in the calling process,
-which also reads and writes the cache. So threads, processes and remote workers give the same bits.
+An executor is given values: a problem and the values of its effects, or a simulator, and what is to be run.
+It returns only the measured signals. The trials are compared with them in the calling process, which also
+reads and writes the cache. So threads, processes and remote workers give the same bits.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
 Predictions = list[Trajectory] | None
-"""Prediction of each run, its measured signals alone; None where the robot cannot be built."""
+"""Prediction of each run, only its measured signals; None where the robot cannot be built."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class RobotRequest:
     Attributes:
         effects: values of the effects by name, as a problem file gives them.
         at: coordinates to keep with the result.
-        measurement_only: whether the effects change the measurement alone, so that nothing is simulated.
+        measurement_only: whether the effects change only the measurement, so that nothing is simulated.
     """
 
     effects: Mapping[str, Values]
@@ -121,7 +121,7 @@ class Stage:
         self._done = self._total = 0
 
     def expect(self, count: int) -> None:
-        """Change the number of robots that there may be at most."""
+        """Change the largest possible number of robots."""
         self._report(0, count)
 
     def __call__(self, trial_set: TrialSet, requests: Sequence[RobotRequest]) -> list[Comparison | None]:
@@ -201,7 +201,7 @@ def predict_with_effects(
     runs: Sequence[Run],
     signals: Sequence[str],
 ) -> Predictions:
-    """Return what a problem's robot with some effects is predicted to do: the unit of work."""
+    """Return the predictions of a problem's robot with some effects: the unit of work."""
     try:
         robot = Simulator.build(problem.with_effects(effects), fidelity=fidelity)
         return predict_runs(robot, runs, signals)
@@ -210,7 +210,7 @@ def predict_with_effects(
 
 
 def predict_with_robot(robot: Simulator, runs: Sequence[Run], signals: Sequence[str]) -> Predictions:
-    """Return what a robot is predicted to do; None where it cannot be simulated."""
+    """Return the predictions of a robot; None where it cannot be simulated."""
     try:
         return predict_runs(robot, runs, signals)
     except GaitoptError:

@@ -1,8 +1,8 @@
 """Which robots are simulated, and in which order, so that all effects are fitted.
 
-Every hypothesis is screened first. Then the fits that still have a chance are refined in rounds, each where
-its loss is least. At the end the leading fits are finished, until their best robot is close to a simulated
-one.
+Every hypothesis is screened first. Then the fits that can still become the best are refined in rounds, each
+where its loss is least. At the end the leading fits are finished, until their best robot is close to a
+simulated one.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _refine(fits: Sequence[Fit], rows: int, stage: Stage, settings: FitSettings)
 
     Args:
         fits: the fits.
-        rows: whitened rows: the loss of a right model.
+        rows: whitened rows: the loss of a correct model.
         stage: simulates robots.
         settings: the rounds.
     """
@@ -76,7 +76,7 @@ def _refine(fits: Sequence[Fit], rows: int, stage: Stage, settings: FitSettings)
 def finish(fits: Sequence[Fit], runner: Runner, settings: FitSettings = FIT) -> None:
     """Simulate the leading fits until their best robot is known, not interpolated between two distant robots.
 
-    Two effects with one signature are then compared by what they leave, not by how closely each was fitted.
+    Two effects with one signature are then compared by their residuals, not by how closely each was fitted.
     """
     stage = runner.stage("finishing the best fits")
     for number in range(settings.finish_rounds_measurement):

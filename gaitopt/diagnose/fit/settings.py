@@ -51,12 +51,12 @@ class FitSettings:
 
     Attributes:
         screened: shares of the way from neutral to each bound at which a robot is simulated first. One of
-            them predicts little of another: a limit shows nothing until it is reached, some responses set
-            in late, and more friction is not the opposite of less.
+            them predicts little about another: a limit shows nothing until it is reached, some responses
+            begin late, and more friction is not the opposite of less.
         screened_measurement: the same for effects of the measurement, which need no simulation.
         per_interval: points of the loss curve between two simulated ones.
         rounds: number of hypotheses that are refined in each round. More than the leading ones: a fit in a
-            narrow valley is seen to be better only when simulated robots close in on it.
+            narrow valley shows that it is better only when simulated robots are near its minimum.
         hopeless: in each round, the last value for the rest, a hypothesis is dropped that leaves this many
             times the least loss.
         alike: cosine from which two signatures are alike. A hypothesis whose signature is like that of the
@@ -112,7 +112,7 @@ class PairSettings:
         per_batch: pairs that are fitted at a time.
         batches: batches at most. Another one follows while the best pair leaves a mean whitened square above
             `right`.
-        right: see `batches`. A right model leaves 1.
+        right: see `batches`. A correct model leaves 1.
         rounds: rounds of each batch.
         targets: pairs of the same two effects, on other targets, at most.
         alike: cosine from which two signatures are alike.

@@ -91,7 +91,7 @@ class Fit:
 
     @staticmethod
     def of(hypothesis: Hypothesis, trial_set: TrialSet, nominal: Comparison, settings: FitSettings) -> Fit:
-        """Return the fit of a hypothesis of which the nominal robot alone is known."""
+        """Return the fit of a hypothesis for which only the nominal robot is known."""
         neutral = replace(nominal, at=np.array([hypothesis.neutral]))
         return Fit(hypothesis, trial_set, [neutral], settings=settings)
 
@@ -101,7 +101,7 @@ class Fit:
         return Fit(self.hypothesis, trial_set, comparisons, [*self.failed], self.settings)
 
     def add(self, at: float, comparison: Comparison | None) -> None:
-        """Add a robot; None where it could not be simulated."""
+        """Add a robot; None if it could not be simulated."""
         self._curve = None
         if comparison is None:
             self.failed.append(at)

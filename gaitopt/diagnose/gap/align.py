@@ -1,4 +1,4 @@
-"""A trial beside its prediction: the unknown origin and the unknown offset in time are fitted."""
+"""A trial aligned with its prediction: the unknown origin and the unknown offset in time are fitted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gaitopt.robot.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class Aligned:
-    """A trial beside its prediction, in gait time.
+    """A trial aligned with its prediction, in gait time.
 
     Attributes:
         trial: the trial.
@@ -54,7 +54,7 @@ def square_apart(one: Trajectory, other: Trajectory, signal: str) -> float:
 
 
 def align(trial: Trial, simulated: Trajectory, settings: AlignSettings = DEFAULT.align) -> Aligned:
-    """Return a trial beside a prediction, with its origin and its offset in time fitted.
+    """Return a trial aligned with a prediction, its origin and its offset in time fitted.
 
     The origin of the marker's coordinates is free, that of angles is not. Where the gait time of the
     recording's start is unknown, offsets between one block before and one block after are tried. The best

@@ -1,9 +1,7 @@
-"""The floor: the gap that a right model would have.
-
-Four things keep a right model from fitting exactly: the noise of the recording; a robot that differs from
-cycle to cycle or from run to run; a start pose that is known to a few milliradians; and the simulator's
-timestep. Each is measured, from the data or by simulations at the fidelity of the diagnosis. They add in
-squares.
+"""The floor: the gap that a correct model would have. Four things keep a correct model from fitting exactly:
+the noise of the recording; a robot that differs from cycle to cycle or from run to run; a start pose that is
+known to a few milliradians; and the simulator's timestep. Each is measured, from the data or by simulations
+at the fidelity of the diagnosis. They add in squares.
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ from gaitopt.simulation.scenario import NOMINAL, Scenario
 
 @dataclass(frozen=True)
 class Floor:
-    """What keeps one signal of one trial from being predicted exactly, RMS, m or rad.
+    """Why one signal of one trial cannot be predicted exactly: RMS of each part, m or rad.
 
     Attributes:
         noise: of the measurement, from the record or as the data set says.
@@ -82,7 +80,7 @@ def measure_floors(
 
     Args:
         simulator: the nominal robot at the diagnosis' fidelity.
-        trials: the trials beside their nominal prediction.
+        trials: the trials aligned with their nominal prediction.
         executor: where rollouts run.
         seed: seed of the start poses.
         settings: see `FloorSettings`.
@@ -148,7 +146,7 @@ def cycle_spread(aligned: Aligned, name: str, transient: float) -> float | None:
     means. Both are corrected for. None where the drive has no period.
 
     Args:
-        aligned: the trial beside a prediction.
+        aligned: the trial aligned with a prediction.
         name: the signal.
         transient: gait time from which the motion may be steady, s.
     """

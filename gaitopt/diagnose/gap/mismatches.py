@@ -1,4 +1,4 @@
-"""Defects of a recording that show only beside the simulation. They are reported, and nothing is masked."""
+"""Defects that a recording shows only in comparison with the simulation: reported, but not masked."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def mismatches(
     A frame rate or a unit is wrong if most coordinates of the marker say so.
 
     Args:
-        aligned: the cleaned trial beside its nominal prediction.
+        aligned: the cleaned trial aligned with its nominal prediction.
         transient: gait time from which the motion may be steady, s.
         settings: see `MismatchSettings`.
     """

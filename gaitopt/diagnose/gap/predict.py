@@ -83,7 +83,7 @@ def runs_of(trials: Sequence[Trial]) -> dict[str, Run]:
 
 
 def predict_runs(simulator: Simulator, runs: Sequence[Run], signals: Sequence[str]) -> list[Trajectory]:
-    """Return runs as they would be measured, with the named signals alone, so that little is sent back."""
+    """Return runs as they would be measured, only the named signals, so that little is sent back."""
     paths = [observed_rollout(simulator, run.drive, 0, run.duration_s) for run in runs]
     return [
         Trajectory(path.time, {name: path[name].copy() for name in signals}, path.status) for path in paths

@@ -46,14 +46,14 @@ class MismatchSettings:
         explained: a period is one of the motion if its mean cycle explains this share of the variance.
         as_good: of several such periods the shortest is taken that explains this share of the best.
         part_of_longer: where a longer period than the commanded one is found, the commanded one may explain
-            at most this share of what the longer one does. An uneven walk repeats better by twos and fours
-            than one by one, but it does repeat one by one.
+            at most this share of what the longer one does. An uneven walk repeats better every two or four
+            cycles than every cycle, but it does repeat every cycle.
         frames_per_period: a period that is tried has at least this many frames.
         periods_per_span: the recording has at least this many of it.
         unlike: a measured range within a block this many times the simulated one, or the inverse, is in
             another unit.
         reversed: correlation with the simulated motion below which an axis is reversed.
-        travels: a coordinate travels if its travel a cycle exceeds this share of its swing within one.
+        travels: a coordinate travels if its travel per cycle exceeds this share of its swing within a cycle.
         travels_back: it is reversed if it travels the other way by this share of the simulated travel.
     """
 

@@ -7,9 +7,9 @@ In its steady motion a measured signal m is compared with the simulated signal s
 with T the period. The components are
 
 - timing: the delay;
-- stride: the size, and the travel that goes with it. A robot that moves 10 % less inside each cycle also gets
-  10 % less far. What is left of the mean cycle belongs to it too: its shape, or the level of an angle;
-- drift: the travel per cycle that neither explains, as by slip, a slope or drag;
+- stride: the size, and the travel that goes with it. A robot that moves 10 % less inside each cycle also
+travels 10 % less. What is left of the mean cycle belongs to it too: its shape, or the level of an angle;
+- drift: the travel per cycle that neither explains, for example from slip, a slope or drag;
 - noise: what differs from cycle to cycle;
 - transient: what differs before the steady motion.
 
@@ -75,7 +75,7 @@ def split(
     """Split the gap of one signal into its components; their squares add up to its mean square.
 
     Args:
-        aligned: the trial beside its prediction.
+        aligned: the trial aligned with its prediction.
         signal: the signal.
         transient: gait time from which the motion may be steady, s.
         extra: mean square that defects put into the record, by the component they belong to; it is added.
@@ -150,7 +150,7 @@ def _without_cycles(
 
 
 def _scaled(squares: Mapping[str, float], residual: Series, extra: Mapping[str, float]) -> dict[str, float]:
-    """Return components that add up to the gap, with what defects put into each.
+    """Return components that add up to the gap, with the error that defects add to each.
 
     The components overlap a little, so each is scaled by the same factor.
     """

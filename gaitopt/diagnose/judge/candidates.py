@@ -1,8 +1,7 @@
-"""Candidate explanations: no effect, one effect, or two, each with what it leaves of held-out data.
-
-A candidate is judged by how well the other gaits predict each gait (other cycles, where there is one gait):
-by what it adds to the least loss of the others. So a parameter is held to what the other gaits show of it. A
-trial that does not show an effect says nothing against it.
+"""Candidate explanations: no effect, one effect, or two, each with its residual on held-out data. A candidate
+is judged by how well the other gaits predict each gait (other cycles, if there is one gait only): by the loss
+that it adds to the least loss of the others. So a parameter must agree with the other gaits. A trial that
+does not show an effect is no evidence against it.
 """
 
 from __future__ import annotations
@@ -103,7 +102,7 @@ class Candidate:
 
     @property
     def effect_values(self) -> Mapping[str, Values]:
-        """What a problem file says of the effects."""
+        """The effects, as a problem file states them."""
         hypotheses = [fit.hypothesis for fit in self.fits]
         return robot_request(zip(hypotheses, self.at, strict=True)).effects
 
@@ -115,7 +114,7 @@ class Candidate:
     def left(self, trial_set: TrialSet) -> float:
         """Return the mean whitened square that is left of held-out data, in the worst trial.
 
-        It is 1 where the candidate and the covariance are right.
+        It is 1 if the candidate and the covariance are correct.
         """
         by_trial = trial_set.by_trial(self.heldout_loss) / trial_set.by_trial(trial_set.rows_per_block)
         return float(by_trial.max())
@@ -145,7 +144,7 @@ def _heldout_marker(trial_set: TrialSet, fitted: Callable[[Array | None], Array]
 
     Args:
         trial_set: the trials.
-        fitted: returns the residuals, m, of the fit with given weights of the blocks; None for all alike.
+        fitted: returns the residuals, m, of the fit with given weights of the blocks; None for equal weights.
     """
     marker = fitted(None).copy()
     for fold, weights in trial_set.fold_weights:
@@ -157,9 +156,9 @@ def _heldout_marker(trial_set: TrialSet, fitted: Callable[[Array | None], Array]
 def _heldout_loss(trial_set: TrialSet, losses: Array) -> Array:
     """Return what each block adds to the least loss of the other folds, shape (blocks,).
 
-    This is its own loss where all blocks fit best, and its share of what the other folds then lose against
-    their own best fit, spread over the rows of its fold. For a linear model it is the predictive square, its
-    parameter being fitted to the others.
+    This is its own loss where all blocks fit best, plus a share of the loss that the other folds then have
+    above their own best fit. That loss is spread over the rows of its fold. For a linear model it is the
+    predictive square with the parameter fitted to the others.
 
     Args:
         trial_set: the trials.

@@ -45,8 +45,8 @@ class EffectProbability:
         unit: unit of that.
         heldout_shrinkage: share of the gap above the floor that it takes away on held-out data; None where
             there is no gap above the floor.
-        heldout_left: mean whitened square that it leaves of held-out data, in the worst trial: 1 for a right
-            model.
+        heldout_left: mean whitened square that it leaves of held-out data, in the worst trial: 1 for a
+            correct model.
         alike: cosine between its signature and that of the first candidate.
         targets: probability of each target, if the cause is in the library.
     """
@@ -115,12 +115,12 @@ class Causes:
 
     @property
     def other_probability(self) -> float:
-        """How likely the cause is not in the library, or not alone."""
+        """Probability that the cause is not in the library, or not the only one."""
         return self.answer.other_probability
 
     @property
     def p_value(self) -> float:
-        """How often chance alone gains as much as the first candidate."""
+        """p-value: how often chance alone gains as much as the first candidate."""
         return self.answer.p_value
 
     @property

@@ -1,7 +1,6 @@
-"""Evidence: what held-out losses say of the candidates, as probabilities and as a p-value.
-
-A candidate's score is the likelihood of its held-out whitened residual, tempered: a model of a robot is never
-right to its floor. So squares count in multiples of what the best candidate leaves, `temper` to one.
+"""Evidence: the probabilities of the candidates and a p-value, from held-out losses. A candidate's score is
+the tempered likelihood of its held-out whitened residual, because no model of a robot is correct down to its
+floor. So squares count in multiples of the best candidate's, and `temper` of them count as one.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ def scores(
 def _log_prior(candidate: Candidate, settings: EvidenceSettings) -> float:
     """Return the logarithm of a candidate's prior with the tails of Student's t.
 
-    Nobody has measured how rare a large deviation is.
+    It was never measured how rare a large deviation is.
     """
     freedom = settings.prior_freedom
     return sum(
@@ -89,11 +88,11 @@ def p_value(
     seed: int,
     settings: EvidenceSettings = EVIDENCE,
 ) -> float:
-    """Return how often chance alone would let some effect gain this much on "no effect".
+    """Return how often some effect would gain this much on "no effect" by chance alone.
 
-    A parametric bootstrap: residuals of a right model are drawn from the covariance, their squares tempered
-    as in `scores`. Each draw is explained as far as the change with any simulated robot can explain it. So
-    the best of many hypotheses is compared with the best of as many.
+    A parametric bootstrap: residuals of a correct model are drawn from the covariance, and their squares are
+    tempered as in `scores`. Each draw is explained as far as the change with any simulated robot can explain
+    it. So the best of many hypotheses is compared with the best of equally many.
 
     Args:
         trial_set: the trials.

@@ -1,10 +1,10 @@
 """What to measure next: the gait that would leave the least probability on wrong candidates.
 
 T-optimality (Atkinson and Fedorov, 1975) asks for the gait on which two candidates differ most. With more
-candidates, the two most alike may be alike on every gait; a gait chosen for these tells nothing of the
-others. So each candidate in turn is taken as the truth, weighted by its probability. What counts is how
-probable the others would still be after a recording. A pair that no gait separates then weighs the same on
-all gaits.
+candidates, the two most similar ones may be similar on every gait, and a gait chosen for these says nothing
+about the others. So each candidate in turn is taken as the truth, weighted by its probability. The score is
+the probability that the others would still have after a recording. A pair that no gait separates then counts
+the same on all gaits.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Experiment:
-    """A gait that would tell candidates apart.
+    """A gait that would separate candidates.
 
     Attributes:
         gait: the gait.
@@ -62,7 +62,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Contest:
-    """The candidates to be told apart.
+    """The candidates to separate.
 
     Attributes:
         candidates: the candidates, the most probable first.
@@ -76,7 +76,7 @@ class Contest:
     def of(found: Causes, settings: ExperimentSettings = EXPERIMENT) -> Contest:
         """Return the candidates that count: the first of each effect and target.
 
-        The runner-up counts in any case, so that a cause that stands alone can be tested.
+        The second candidate always counts, so that a cause without alternatives can be tested.
         """
         chances = found.probabilities
         least = settings.least_probability * chances[0]
@@ -105,7 +105,7 @@ def propose(
     signals: Sequence[str],
     context: Context,
 ) -> Experiment | None:
-    """Return the gait, none of those measured, that tells most; None where nothing is to be told apart.
+    """Return the new gait that separates the candidates best; None if there is nothing to separate.
 
     Without ``[gait]`` there are no gaits to search among, and the answer is None too.
 
@@ -162,7 +162,7 @@ def _scorers(
 def _searched(
     scorer: GaitScorer, problem: Problem, measured: Sequence[Drive], seed: int
 ) -> list[GaitScore[Gait]]:
-    """Return what baselines, gaits drawn at random and gaits near the best of them would tell."""
+    """Return the scores of baselines, random gaits, and gaits near the best of them."""
     settings = scorer.settings
     space, rng = problem.space, generator(seed, Stream.EXPERIMENT_CANDIDATES)
     keys = {drive.key for drive in measured}
@@ -177,7 +177,7 @@ def _searched(
 
 
 def _inseparable(names: Sequence[str], scores: Sequence[GaitScore[Any]]) -> list[list[str]]:
-    """Return each two effects of which some targets differ by less than a floor on every gait."""
+    """Return each two effects with targets that differ by less than a floor on every gait."""
     widest = np.max([score.differences for score in scores], axis=0)
     alike = [(names[i], names[j]) for j in range(len(names)) for i in range(j) if widest[i, j] < 1.0]
     pairs = {frozenset(pair): list(pair) for pair in alike if pair[0] != pair[1]}

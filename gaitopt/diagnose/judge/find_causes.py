@@ -29,11 +29,11 @@ from gaitopt.simulation.rollout import Simulator
 
 @dataclass(frozen=True)
 class NominalGap:
-    """Trials beside the nominal robot.
+    """Trials aligned with the nominal robot.
 
     Attributes:
         simulator: the nominal robot.
-        trials: the trials beside its predictions.
+        trials: the trials aligned with its predictions.
         floors: floor of each signal of each trial.
         floor_m: the marker's floor over all trials, m.
     """
@@ -61,7 +61,7 @@ class PreparedTrials:
 
 @dataclass(frozen=True)
 class _Explanation:
-    """Candidates, robots perturbed about the first of them, and the unevenness beside these."""
+    """Candidates, robots perturbed about the first of them, and the unevenness relative to these."""
 
     judgement: Judgement
     robots: PerturbedRobots
@@ -88,10 +88,10 @@ def prepare_trials(gap: NominalGap, context: Context) -> PreparedTrials:
 
 
 def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Context) -> Causes:
-    """Fit and judge every hypothesis, and pairs of them where one effect falls short.
+    """Fit and judge every hypothesis, and pairs of them if one effect is not enough.
 
     Args:
-        gap: the trials beside the nominal robot.
+        gap: the trials aligned with the nominal robot.
         hypotheses: the effects to try, each on its targets.
         context: simulates robots; seed and settings.
 
@@ -127,11 +127,11 @@ def _explained(judgement: Judgement, gap: NominalGap, trial_set: TrialSet, conte
 def _explained_by_two(
     wide: Judgement, gap: NominalGap, trial_set: TrialSet, context: Context
 ) -> _Explanation | None:
-    """Return the candidates of two effects; None unless two are needed, shown and even enough.
+    """Return the candidates of two effects; None unless two are needed, significant and even enough.
 
     Args:
         wide: every candidate of one effect, by the first covariance.
-        gap: the trials beside the nominal robot.
+        gap: the trials aligned with the nominal robot.
         trial_set: the trials by the first covariance.
         context: simulates robots.
     """
@@ -153,7 +153,7 @@ def _concluded(found: _Explanation, gap: NominalGap, faint: bool, context: Conte
 
     Args:
         found: the candidates.
-        gap: the trials beside the nominal robot.
+        gap: the trials aligned with the nominal robot.
         faint: whether the gap counts as none if no effect explains it.
         context: seed and settings.
     """

@@ -1,4 +1,4 @@
-"""What a recording of a gait is expected to tell of the candidates."""
+"""How well a recording of a gait is expected to separate the candidates."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ D = TypeVar("D", bound=Drive)
 
 @dataclass(frozen=True)
 class GaitScore(Generic[D]):
-    """What a recording of a gait, or of another drive, is expected to tell.
+    """How well a recording of a gait, or of another drive, is expected to separate the candidates.
 
     Attributes:
         gait: the gait.
@@ -71,7 +71,7 @@ class GaitScore(Generic[D]):
 
 @dataclass(frozen=True)
 class GaitScorer:
-    """Predicts what recordings of gaits would tell.
+    """Predicts how well recordings of gaits would separate the candidates.
 
     Attributes:
         robots: the robot of each candidate.
@@ -93,7 +93,7 @@ class GaitScorer:
     settings: ExperimentSettings = EXPERIMENT
 
     def score(self, gaits: Sequence[D]) -> list[GaitScore[D]]:
-        """Return what each gait would tell; gaits that one of the robots cannot walk are left out."""
+        """Return the score of each gait; gaits that fail on one of the robots are left out."""
         every = [*self.robots, *(robot for _, robot in self.perturbed)]
         futures = [
             [self.executor.submit(predict_runs, robot, [self._run(gait)], self.signals) for robot in every]

@@ -25,7 +25,7 @@ class Gap:
 
     Attributes:
         before, after: RMS error without and with the effect, m.
-        floor: RMS error of a right model, m.
+        floor: RMS error of a correct model, m.
         ci90: 90 % interval of the shrinkage.
     """
 
@@ -36,7 +36,7 @@ class Gap:
 
     @property
     def shrinkage(self) -> float | None:
-        """Share of what is above the floor that is gone; None where nothing is above it."""
+        """Share of the gap above the floor that is removed; None if nothing is above it."""
         return shrinkage(self.before, self.after, self.floor)
 
     def to_dict(self) -> dict[str, object]:
@@ -106,7 +106,7 @@ class GapMeter:
         Args:
             candidate: the candidate.
             floor: the marker's floor, m.
-            trial: the trial meant; None for all together.
+            trial: one trial; None for all together.
         """
         trial_set, count = self.trial_set, self.trial_set.n_blocks
         axes = max(1, sum(map(is_marker, trial_set.trials[0].bins.rows)))

@@ -1,9 +1,9 @@
 """All candidates judged by one covariance, and again by a covariance that is re-estimated at the leaders.
 
 Small errors do more to some robots than to others: with a payload behind its feet, a percent of a link's mass
-decides which foot slips. By the covariance of the nominal robot that would count as evidence. So robots are
-perturbed about the leading candidates, everything is whitened by the covariance that they give, and the
-candidates are ranked again, until the leaders stay the same.
+decides which foot slips. With the covariance of the nominal robot, such differences would count as evidence.
+So robots are perturbed about the leading candidates, and everything is whitened by the covariance that they
+give. Then the candidates are ranked again, until the leaders stay the same.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The trials compared with perturbed robots: what small unknown errors change."""
+"""The trials compared with perturbed robots: the changes by small unknown errors."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""How well a parameter is known: by small unknown errors of the robot, and by what the trials say.
+"""How well a parameter is known, given small unknown errors of the robot and the trials.
 
-Robots are perturbed about a candidate: other start poses, masses, hinges and numerics. Had one of them been
-measured in its place, the fit would have ended elsewhere. How far it moves is one part of a parameter's
-error. The covariance may be estimated from the same robots; what still moves the fit it cannot explain.
+Robots are perturbed about a candidate: other start poses, masses, hinges and numerics. If one of them had
+been measured, the fit would have a different result. This difference is one part of a parameter's error. The
+covariance may be estimated from the same robots; it cannot explain the differences that remain.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Precision:
         return unit
 
     def _of_fit(self, fit: Fit, changes: Array, unit: float) -> Interval:
-        """Return an interval with two sides: where the loss is flat on one, it reaches far there."""
+        """Return an interval with two sides: it is wide on a side where the loss is flat."""
         curve, h = fit.curve, fit.hypothesis
         total = curve.losses.sum(axis=0)
         best = float(curve.at[np.argmin(total)])

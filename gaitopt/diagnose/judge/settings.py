@@ -38,14 +38,14 @@ class EvidenceSettings:
     """How held-out losses become probabilities.
 
     Attributes:
-        temper: number of whitened squares that count as one: what a right model leaves is correlated from
-            bin to bin.
+        temper: number of whitened squares that count as one: the residual of a correct model is correlated
+            from bin to bin.
         jump_share: share of the jumps of the loss near the best candidate that is added to `temper`, trial by
-            trial: a fast gait, on which the loss jumps, takes nothing from what a slow one shows.
+            trial: a fast gait, on which the loss jumps, then does not weaken the evidence of a slow one.
         prior_weight: weight of the prior of a fitted parameter: bounds and priors are guesses too.
         prior_freedom: degrees of freedom of the Student's t tails of the priors.
         in_set: a candidate belongs to the answer if it is at least this probable, relative to the first.
-        set_share: candidates are added to the answer until they are this probable together.
+        set_share: candidates are added to the answer until their probabilities sum to this.
         chance_draws: draws of the parametric bootstrap that gives the p-value.
         gap_draws: resamplings of the blocks that give the interval of the shrinkage.
     """
@@ -94,19 +94,19 @@ class CovarianceSettings:
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """Thresholds of the answer. What a candidate leaves is a mean whitened square: 1 for a right model.
+    """Thresholds of the answer. The residual of a candidate is a mean whitened square: 1 for a correct model.
 
     Attributes:
         no_gap: a nominal robot that leaves at most this in every trial has no significant gap. It is below 1:
-            a small effect that does the same in all trials hides in their mean squares, but not from a robot
-            that has it.
+            a small effect that acts equally in all trials is not visible in their mean squares, but a robot
+            with the effect fits better.
         faint_gap: a nominal robot that leaves at most this has no gap if no effect explains it.
         left: a candidate that leaves more than this leaves a significant gap.
-        other_half: something else is as likely as not where the best candidate leaves this.
+        other_half: something else has a probability of one half if the best candidate leaves this.
         other_slope: how fast that probability changes with the logarithm of what is left.
-        significance: an effect is blamed if chance alone lets one gain as much no more often than this.
+        significance: an effect is blamed if its p-value is at most this.
         above_none: an effect joins the answer beside the first if it is this many times as probable as none.
-        try_pairs: pairs are tried where the best effect leaves more than this; a right one nearly always
+        try_pairs: pairs are tried where the best effect leaves more than this; a correct one nearly always
             leaves less.
         pair_errors: standard errors by which two effects must predict better than one.
         pair_gain: share of the loss of one effect that two may leave at most.
@@ -147,7 +147,7 @@ class ExperimentSettings:
         leaders: candidates about which robots are perturbed, at most.
         robots: perturbed robots of each of them.
         finalists: gaits that are scored again, by other robots: of many gaits scored by few robots, the best
-            is partly lucky.
+            one is partly best by chance.
         final_robots: perturbed robots of each leading candidate for the finalists.
     """
 

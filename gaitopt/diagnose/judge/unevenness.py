@@ -1,8 +1,8 @@
 """Whether the recorded cycles differ from one another more than those of any simulated robot.
 
-Every effect of the library acts alike in each cycle. Gusts, a sticky patch of floor, a limping servo or a
-supply that fails now and then do not: they make cycles uneven. The covariance would take that for a robot
-that does not repeat itself.
+Every effect of the library acts in the same way in each cycle. Gusts, a sticky patch of floor, a defective
+servo or a supply that sometimes fails do not: they make cycles uneven. The covariance would treat this as a
+robot that does not repeat itself.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ class Verdict:
         kind: ``no_gap``, ``explained``, ``ambiguous``, ``partly_explained`` or ``unexplained``.
         causes: the effects blamed.
         ambiguous_with: effects that the data cannot tell from these.
-        other_probability: how likely the cause is not in the library, or not alone.
+        other_probability: probability that the cause is not in the library, or not the only one.
         p_value: how often chance alone gains as much as the first candidate.
     """
 
@@ -73,10 +73,10 @@ def conclude(judgement: Judgement, robots: PerturbedRobots, uneven: float, faint
 
 
 def falls_short(judgement: Judgement) -> bool:
-    """Whether the best single effect leaves more than a right one, or its parameter ends at a bound.
+    """Whether the best single effect leaves more than a correct one, or its parameter ends at a bound.
 
-    At the end of its range it may do the work of another effect besides its own. The covariance estimated
-    there would hide that.
+    At the end of its range it may stand for a second effect too. The covariance estimated there would hide
+    this.
     """
     best = min(judgement.singles, key=lambda candidate: candidate.total_loss)
     (fit,), (at,) = best.fits, best.at
@@ -92,8 +92,8 @@ def is_shown(judgement: Judgement, robots: PerturbedRobots) -> bool:
 def pair_is_needed(judgement: Judgement) -> bool:
     """Whether two effects predict and fit clearly better than one.
 
-    Where a response jumps, one effect may predict a gait badly that it fits well. A second effect does not
-    mend that.
+    Where a response jumps, one effect may predict a gait badly although it fits it well. A second effect does
+    not help.
     """
     settings = judgement.settings.verdict
     one, both = (
@@ -106,7 +106,7 @@ def pair_is_needed(judgement: Judgement) -> bool:
 
 
 def _other(share: float, settings: VerdictSettings) -> float:
-    """Return how likely another cause is: a half where `share` is 1, more where it is larger."""
+    """Return the probability of another cause: one half where `share` is 1, more where it is larger."""
     return 1.0 / (1.0 + math.exp(-settings.other_slope * math.log(max(share, 1e-9))))
 
 

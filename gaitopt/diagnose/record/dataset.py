@@ -30,7 +30,7 @@ _SAMPLES_PER_BLOCK = 4
 """A cycle with fewer samples has no shape; most such data sets have milliseconds in a column of seconds."""
 
 _WHOLE_BLOCKS = 2
-"""A trial has at least this many blocks, so that what differs from cycle to cycle shows."""
+"""A trial has at least this many blocks, so that differences between cycles can be seen."""
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -42,8 +42,8 @@ class TrialFile(BaseModel):
 
     Attributes:
         name: what reports call the trial.
-        gait: a baseline's name, or a gait file beside the data set's file.
-        file: CSV file beside it.
+        gait: a baseline's name, or a gait file in the data set's folder.
+        file: CSV file in the same folder.
         time: column of the time stamps; its unit is its suffix.
         starts_at_gait_time_s: gait time at the recording's zero, where it is known.
         noise_m: standard deviation of the marker's noise, where it is known.

@@ -99,10 +99,10 @@ class Export:
         return table(self.path, self.rows, head, begin, mark)
 
     def chosen(self, names: Sequence[str]) -> str:
-        """Return the point that was asked for, or the only one.
+        """Return the requested point, or the only one.
 
         Raises:
-            GaitoptError: there is no such point, or there are several and none was asked for.
+            GaitoptError: there is no such point, or there are several and none was requested.
         """
         wanted = self.options.marker
         if wanted is not None and wanted not in names:
@@ -113,7 +113,7 @@ class Export:
         return wanted or names[0]
 
     def seconds(self, series: Series, usual: str) -> Series:
-        """Return time stamps in s; their unit is as asked for, or the program's usual one."""
+        """Return time stamps in s; their unit is the requested one, or the program's usual one."""
         return series * self._unit(self.options.time_unit or usual, TIME, "--time-unit")
 
     def frames(self, frames: Series) -> Series:

@@ -33,7 +33,7 @@ def gaps(trial: Trial, settings: DefectSettings) -> Found:
 
 
 def frozen(trial: Trial, settings: DefectSettings) -> Found:
-    """Mask frames in which the tracker held its last value while the robot went on."""
+    """Mask frames in which the tracker held its last value while the robot moved on."""
     flags = _frozen_flags(trial, settings.frames)
     if not flags.any():
         return trial, None

@@ -44,7 +44,7 @@ class Imported:
 
 @dataclass(frozen=True)
 class UnknownDrive:
-    """Commands that an export does not name; only a block length to judge defects by is assumed."""
+    """Unknown commands of an export; only a block length is assumed, to judge defects."""
 
     name: str = ""
     key: str = "unknown"

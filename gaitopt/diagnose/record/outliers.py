@@ -56,10 +56,9 @@ def _outlier_flags(trial: Trial, settings: OutlierSettings) -> Flags:
 def _far(
     time: Series, series: Series, window: int, limit: float, period: float | None, settings: OutlierSettings
 ) -> Flags:
-    """Return which samples stray from the median of their neighbours.
-
-    The farthest are judged first: a sample beside an outlier strays a little in fast motion, so it is judged
-    when that outlier is out of the way.
+    """Return which samples are far from the median of their neighbours. The farthest are judged first. In
+    fast motion a sample next to an outlier is a little off too, so it is judged after that outlier is
+    removed.
 
     Args:
         time: time stamps of the samples that count, s, shape (n,).
@@ -91,7 +90,7 @@ def _recurring(
 ) -> Flags:
     """Return which excursions recur with the same sign at the same phase of enough other cycles.
 
-    Where excursions to the other side come there half as often, they are not motion either.
+    If excursions to the other side are there half as often, they are not motion either.
     """
     frame = float(np.median(np.diff(np.unique(time))))
     motion = np.zeros(len(indices), dtype=bool)

@@ -35,7 +35,7 @@ class ClockSettings:
 
 @dataclass(frozen=True)
 class SteppedCurveSettings:
-    """When a curve read off a plot is taken to move at the lines of a grid alone.
+    """When a curve read off a plot is taken to move only at the lines of a grid.
 
     Gaits have edges on a grid too, and three cells of a smooth walk may look stepped by chance. So several
     cells must show it, some of them in a row.
@@ -89,13 +89,13 @@ class OutlierSettings:
     """When a sample of the marker is taken to be an outlier.
 
     Attributes:
-        window: samples whose median an outlier strays from.
+        window: samples whose median an outlier is compared with.
         least_window: the window is shorter where `window` samples span much of a block, but not shorter than
             this.
         windows_per_block: how many windows fit into a block at least.
-        sigmas: an outlier strays by more than this many standard deviations of the noise,
+        sigmas: an outlier is off by more than this many standard deviations of the noise,
         range_share: and by more than this share of the range within a block.
-        farthest: in each pass those are judged that stray by this share of the farthest; see `outliers`.
+        farthest: in each pass those are judged that are off by this share of the farthest; see `outliers`.
         near_frames: excursions of other cycles are at the same phase within this many frames.
         alike: they are alike if they are at least this share of the excursion in size.
         recurring: an excursion is motion if it recurs in at least this share of the other cycles.

@@ -1,4 +1,4 @@
-"""Curves read off a plot whose time stamps were rounded: they move at the lines of a grid alone."""
+"""Curves read off a plot whose time stamps were rounded: they move only at the lines of a grid."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _masked(trial: Trial, grid: float, begin: float, settings: SteppedCurveSetti
 
 
 def _stepped_from(trial: Trial, name: str, grid: float, settings: SteppedCurveSettings) -> float | None:
-    """Return the time from which a signal moves at multiples of `grid` alone, s, or None."""
+    """Return the time from which a signal moves only at multiples of `grid`, s, or None."""
     time, series = trial.counted(name)
     middle = 0.5 * (time[1:] + time[:-1])
     moved = np.abs(np.diff(median_filter(series, 3, mode="nearest")))  # a line's ends are read in any order

@@ -12,7 +12,7 @@ from gaitopt.gait.drive import Drive
 from gaitopt.robot.signals import is_marker, kind_of
 
 Series = NDArray[np.float64]
-"""One number a sample, shape (n,) unless said otherwise."""
+"""One number per sample, shape (n,) unless said otherwise."""
 
 Flags = NDArray[np.bool_]
 """Which samples are concerned, shape (n,)."""
