@@ -24,7 +24,8 @@ class ScoreSettings:
         confidence: of every interval.
         resamples: of a mean's bootstrap.
         bins: edges of the probabilities by which the calibration is reported.
-        oracle_from: a true effect that shrinks the gap less than this says nothing about the answer's shrinkage.
+        oracle_from: a true effect that shrinks the gap less than this says nothing about the answer's
+            shrinkage.
         oracle_most: an answer counts as at most this many times as good as the true effect.
     """
 
