@@ -203,8 +203,9 @@ STALLED = "stalled: over 100 times the work of standing still"
 
 
 def studded(folder: Path, side: int = 30) -> Path:
-    """A strider with nine hundred studs under its trunk, which touch the ground in some gaits only. When they
-    do, a step takes 1.1 ms instead of 6 us.
+    """A strider with nine hundred studs under its trunk, which touch the ground in some gaits only.
+
+    When they do, a step takes 1.1 ms instead of 6 us.
     """
     problem_folder(folder, STRIDER)
     places = [(x, y) for x in np.linspace(-0.01, 0.01, side) for y in np.linspace(-0.055, 0.055, side)]

@@ -1,7 +1,9 @@
-"""The floor: the gap that a correct model would have. Four things keep a correct model from fitting exactly:
-the noise of the recording; a robot that differs from cycle to cycle or from run to run; a start pose that is
-known to a few milliradians; and the simulator's timestep. Each is measured, from the data or by simulations
-at the fidelity of the diagnosis. They add in squares.
+"""The floor: the gap that a correct model would have.
+
+Four things keep a correct model from fitting exactly: the noise of the recording; a robot that differs from
+cycle to cycle or from run to run; a start pose that is known to a few milliradians; and the simulator's
+timestep. Each is measured, from the data or by simulations at the fidelity of the diagnosis. They add in
+squares.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Candidate explanations: no effect, one effect, or two, each with its residual on held-out data. A candidate
-is judged by how well the other gaits predict each gait (other cycles, if there is one gait only): by the loss
-that it adds to the least loss of the others. So a parameter must agree with the other gaits. A trial that
-does not show an effect is no evidence against it.
+"""Candidate explanations: no effect, one effect, or two, each with its residual on held-out data.
+
+A candidate is judged by how well the other gaits predict each gait (other cycles, if there is one gait only):
+by the loss that it adds to the least loss of the others. So a parameter must agree with the other gaits. A
+trial that does not show an effect is no evidence against it.
 """
 
 from __future__ import annotations

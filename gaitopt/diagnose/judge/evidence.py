@@ -1,6 +1,8 @@
-"""Evidence: the probabilities of the candidates and a p-value, from held-out losses. A candidate's score is
-the tempered likelihood of its held-out whitened residual, because no model of a robot is correct down to its
-floor. So squares count in multiples of the best candidate's, and `temper` of them count as one.
+"""Evidence: the probabilities of the candidates and a p-value, from held-out losses.
+
+A candidate's score is the tempered likelihood of its held-out whitened residual, because no model of a robot
+is correct down to its floor. So squares count in multiples of the best candidate's, and `temper` of them
+count as one.
 """
 
 from __future__ import annotations

@@ -56,9 +56,10 @@ def _outlier_flags(trial: Trial, settings: OutlierSettings) -> Flags:
 def _far(
     time: Series, series: Series, window: int, limit: float, period: float | None, settings: OutlierSettings
 ) -> Flags:
-    """Return which samples are far from the median of their neighbours. The farthest are judged first. In
-    fast motion a sample next to an outlier is a little off too, so it is judged after that outlier is
-    removed.
+    """Return which samples are far from the median of their neighbours.
+
+    The farthest are judged first. In fast motion a sample next to an outlier is a little off too, so it is
+    judged after that outlier is removed.
 
     Args:
         time: time stamps of the samples that count, s, shape (n,).
