@@ -67,7 +67,7 @@ def interrupts_between_imports() -> Iterator[None]:
 def _signal_main(number: int) -> None:
     main = threading.main_thread().ident
     if hasattr(signal, "pthread_kill") and main is not None:
-        signal.pthread_kill(main, number)  # this also wakes it where it sleeps or waits
+        signal.pthread_kill(main, number)  # this also wakes it if it sleeps or waits
     else:
         _thread.interrupt_main(signal.Signals(number))
 

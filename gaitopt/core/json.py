@@ -1,4 +1,4 @@
-"""Strict JSON, as every file and every ``--json`` has it."""
+"""Strict JSON, for every file and every ``--json``."""
 
 from __future__ import annotations
 

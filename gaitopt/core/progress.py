@@ -11,7 +11,7 @@ class Progress:
     """One step of a job.
 
     Attributes:
-        stage: what is being done, in words.
+        stage: the current work, in words.
         done: how much of it is done, in `unit`.
         total: how much of it there is; None where that is not known.
         unit: what is counted.
@@ -24,7 +24,7 @@ class Progress:
 
 
 OnProgress = Callable[[Progress], None]
-"""Called as a job goes on."""
+"""Called with each step of a job."""
 
 
 def silent(progress: Progress) -> None:

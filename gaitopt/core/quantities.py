@@ -1,4 +1,4 @@
-"""Quantities as people read them: a unit and three significant digits."""
+"""Quantities as readers see them: a unit and three significant digits."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def stem_of(name: str) -> str:
 
 
 def figure(value: float) -> str:
-    """Return a number with three significant digits, and no exponent where it can do without."""
+    """Return a number with three significant digits, without an exponent if possible."""
     if math.isnan(value):
         return "–"
     if math.isinf(value):

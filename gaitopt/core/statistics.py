@@ -27,7 +27,7 @@ def interval90(values: NDArray[np.float64]) -> tuple[float, float]:
     """Return the 90 % interval of the mean of independent values, by Student's t.
 
     Args:
-        values: the values, shape (n,). One value alone is both ends of its interval.
+        values: the values, shape (n,). A single value is both ends of its interval.
     """
     mean = float(values.mean())
     if len(values) < 2:

@@ -1,4 +1,4 @@
-"""Texts from files and from users, as it is safe to show them."""
+"""Texts from files and from users, made safe to show."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ _NO_BREAK_SPACE = "\u00a0"
 
 
 def plain(text: object) -> str:
-    """Return a text in one line, in which nothing can be obeyed instead of shown.
+    """Return a text in one line that a terminal can only show, not obey.
 
     Characters that Python calls not printable are escaped: control characters and line ends, marks of the
     writing direction and other invisible format characters (Unicode's category Cf), private and unassigned

@@ -27,7 +27,7 @@ def validated(record: type[Record], values: object, source: object) -> Record:
 
     Args:
         record: the record's type.
-        values: what stands in the file.
+        values: the content of the file.
         source: the file, for messages.
 
     Raises:
@@ -60,7 +60,7 @@ def _first_problem(error: ValidationError, record: type[BaseModel], source: obje
 
 
 def _fields_at(record: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
-    """Return the keys that the nested record at `location` accepts; none where the types do not tell."""
+    """Return the keys that the nested record at `location` accepts; none where the types do not say."""
     current: Any = record
     for part in location:
         if _is_record(current):

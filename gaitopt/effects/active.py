@@ -1,4 +1,4 @@
-"""Active effects: those that a problem file switches on, checked, and what they do to one robot."""
+"""Active effects: those that a problem file switches on, checked, and their action on one robot."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from gaitopt.robot.roles import Roles
 from gaitopt.robot.trajectory import Trajectory
 
 Values = Mapping[str, float | str]
-"""What a file says of one effect: its parameter, and ``target`` for a servo's."""
+"""A file's table of one effect: its parameter, and ``target`` for a servo's."""
 
 
 @dataclass(frozen=True)
 class ActiveEffect:
-    """One effect as a problem file asks for it.
+    """One effect as a problem file sets it.
 
     Attributes:
         effect: the effect.
@@ -38,10 +38,10 @@ class ActiveEffect:
 def active_effects(
     asked: Mapping[str, Values], roles: Roles, channels: Sequence[str], source: object
 ) -> tuple[ActiveEffect, ...]:
-    """Return the effects that a file asks for, in the order in which they act.
+    """Return the effects that a file switches on, in the order in which they act.
 
     Args:
-        asked: what the file says, by the effect's name.
+        asked: the file's tables, by the effect's name.
         roles: the problem's roles.
         channels: the problem's actuators.
         source: the file, for messages.
@@ -121,7 +121,7 @@ class RobotEffects:
         return replace(self.nominal, target=active.target, model=model or self.nominal.model)
 
     def restructure(self, spec: mujoco.MjSpec) -> None:
-        """Add to a nominal robot's specification what the effects need."""
+        """Add the parts that the effects need to a nominal robot's specification."""
         for active in self.active:
             if active.effect.structure is not None:
                 active.effect.structure(spec, self._parts(active), active.value)

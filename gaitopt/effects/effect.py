@@ -59,10 +59,10 @@ Observe = Callable[[Trajectory, float, Parts, np.random.Generator], Trajectory]
 class Effect:
     """One unmodelled effect.
 
-    `low`, `high` and the prior are in multiples of a figure of the nominal robot, `reference`, so that
-    they suit other robots too. `low` to `high` is what is plausible and searched; `allowed` is what the
-    mechanism can do, and what a problem file may ask for. The neutral value may lie outside the searched
-    range (infinity, or 0 on a logarithmic scale).
+    `low`, `high` and the prior are in multiples of a figure of the nominal robot, `reference`, so that they
+    suit other robots too. `low` to `high` is what is plausible and searched; `allowed` is what the mechanism
+    can do, and what a problem file may set. The neutral value may lie outside the searched range (infinity,
+    or 0 on a logarithmic scale).
 
     Attributes:
         name: its name.
@@ -71,7 +71,7 @@ class Effect:
         unit: unit of the parameter; empty for a ratio.
         neutral: the value that changes nothing, or the figure of the nominal robot that is this value.
         low, high: searched range, in multiples of `reference`.
-        scale: ``lin`` where equal steps of the value are alike, ``log`` where equal ratios are.
+        scale: ``lin`` if equal steps of the value count equally, ``log`` if equal ratios do.
         prior: what is plausible.
         reference: figure of the nominal robot; 1 by default.
         reference_name: that figure in words; empty for 1.

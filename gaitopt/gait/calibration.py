@@ -18,7 +18,7 @@ _LONGEST_US = 65535
 """Longest pulse that a table holds, µs."""
 
 _LAST_PIN = 32767
-"""Largest GPIO number that a table holds; which pins there are is the export board's to say."""
+"""Largest GPIO number that a table holds; the export board says which pins exist."""
 
 _Pulse = Annotated[int, Field(ge=1, le=_LONGEST_US)]
 _Finite = Annotated[float, Field(allow_inf_nan=False)]

@@ -124,7 +124,7 @@ class GaitTable:
 
     @property
     def header(self) -> dict[str, Any]:
-        """Everything but the pulses, as it stands in a table file."""
+        """Everything but the pulses, as in a table file."""
         content = self._content
         return {"format": FORMAT, "hash": self.hash, "name": self.gait.name} | content
 

@@ -13,7 +13,7 @@ from gaitopt.plan.gait_vector import CHANNEL_STARTS, N_GAIT, GaitBounds, Vector,
 from gaitopt.plan.planar import N_STATE, PlanarModel, Symbol
 
 STATE_SCALE = np.array([0.05, 1.0, 1.0, 1.0])
-"""Scale of the state among the unknowns: kg m/s, rad, rad, rad."""
+"""Scale of the state in the unknowns: kg m/s, rad, rad, rad."""
 
 IPOPT_OPTIONS: dict[str, Any] = {
     "expand": True,
@@ -31,7 +31,7 @@ IPOPT_OPTIONS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Solution:
-    """What one call of IPOPT ended with."""
+    """The result of one call of IPOPT."""
 
     point: Vector  # unknowns of `Collocation`
     speed: float  # m/s, collocated
@@ -53,7 +53,7 @@ class Collocation:
     Unknowns: the ramped gait (16) and, for each interval, the state at 1/3 and at its end, over
     `STATE_SCALE`. Period, duties, phases, amplitudes, offsets and ramps are free within bounds. Ramps are
     no shorter than `ramp`, because a square edge has no gradient. The middle channel's phase stays fixed:
-    a shift of all phases alike changes nothing.
+    an equal shift of all phases changes nothing.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Collocation:
         """Optimise from a point, shape (16 + 8 n,), at one friction width, m/s."""
         lower, upper = self.lower.copy(), self.upper.copy()
         lower[2] = upper[2] = point[2]
-        with interrupts_held():  # IPOPT would end only this start, and the plan would go on
+        with interrupts_held():  # IPOPT would end only this start, and the plan would continue
             found = self.solver(
                 x0=np.clip(point, lower, upper),
                 p=width,

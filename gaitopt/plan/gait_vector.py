@@ -23,7 +23,7 @@ CHANNEL_STARTS = (1, 6, 11)
 
 @dataclass(frozen=True)
 class GaitBounds:
-    """Box of gait vectors, and the angles that each servo may be sent to."""
+    """Box of gait vectors, and the range of each servo's targets."""
 
     lower: Vector  # (16,)
     upper: Vector  # (16,)
@@ -50,7 +50,7 @@ def to_smoothing(ramped: Vector) -> Vector:
 def gait_distance(a: Vector, b: Vector) -> float:
     """Return the root mean square difference of two gait vectors over natural scales.
 
-    Period by its logarithm, phases in cycles relative to the middle channel (going round), angles
+    Period by its logarithm, phases in cycles relative to the middle channel (circular), angles
     by 90 degrees.
     """
     parts = [math.log(a[0] / b[0])]

@@ -27,7 +27,7 @@ MISSES = (
     "the planar model knows no sideways motion, yaw, roll dynamics or landing: it predicts gaits that "
     "drift too fast"
 )
-"""What every predicted speed leaves out."""
+"""What every predicted speed neglects."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class PlanSettings:
         widths: friction widths, m/s, tightened from one to the next.
         ramp: least ramp of an edge, cycles.
         n_samples: random gaits among which starts are chosen.
-        n_starts: how many starts are optimised at each width; the slower are left behind.
+        n_starts: how many starts are optimised at each width; slower ones are dropped.
         iterations: IPOPT's limit at each width.
-        n_elites: how many plans are handed over.
+        n_elites: number of plans in the result.
         separation: least distance of two elites, as in `gait_distance`.
         seed: seed of the random gaits.
     """
@@ -71,7 +71,7 @@ class Elite:
 
 @dataclass(frozen=True)
 class Plan:
-    """What planning gave.
+    """The result of planning.
 
     Attributes:
         elites: distinct gaits, fastest first; empty where no start converged.
@@ -129,9 +129,9 @@ class Planner:
     def plan(self) -> Plan:
         """Optimise from many starts and keep distinct elites.
 
-        At every width a solution counts only when plain integration of its gait confirms the
-        collocated speed, whatever IPOPT's status: a point that IPOPT left at its limit is a gait like
-        any other. A start without a confirmed solution is dropped, with the reason.
+        At every width a solution counts only if plain integration of its gait confirms the collocated speed.
+        IPOPT's status does not matter: a point at its iteration limit is a gait, too. A start without a
+        confirmed solution is dropped, with the reason.
         """
         found, dropped = self._optimised(self._starts())
         width = self.settings.widths[-1]

@@ -61,7 +61,7 @@ from gaitopt.plan.gait_vector import CHANNEL_STARTS, N_GAIT, Vector, to_ramps
 from gaitopt.plan.parameters import PlanarParameters
 
 Symbol = Any
-"""A CasADi expression; the package has no types of its own."""
+"""A CasADi expression; the package has no type hints."""
 
 N_STATE = 4
 """Numbers of the state."""
@@ -141,7 +141,7 @@ class PlanarModel:
         return (self.speed(gait, width) - self.speed(gait, width / 4)) * 4 / 3
 
     def settling_cycles(self, period: float) -> int:
-        """Cycles that start-up is given: a second, and one more."""
+        """Cycles of the start-up: those of one second, and one more."""
         return math.ceil(1 / period) + 1
 
     def rollout(self, n_steps: int) -> Symbol:

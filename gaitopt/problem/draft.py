@@ -37,7 +37,7 @@ _KEY = r"[A-Za-z0-9_-]+"
 
 @dataclass(frozen=True)
 class Draft:
-    """What was guessed of a robot, as it stands in the problem file.
+    """What was guessed about a robot, as written to the problem file.
 
     Attributes:
         roles: what effects, metrics and reports act on.

@@ -1,4 +1,4 @@
-"""What the records of a problem file are made of: checked numbers and intervals, and their base class."""
+"""Parts of the records of a problem file: checked numbers and intervals, and their base class."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be read or guessed of a robot from its MJCF: roles, channels and parameters."""
+"""What can be read or guessed about a robot from its MJCF: roles, channels and parameters."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LOWEST_SHARE = 0.1
 
 @dataclass(frozen=True)
 class GuessedRoles:
-    """Roles as they stand in the problem file; see `Roles`.
+    """Roles as written to the problem file; see `Roles`.
 
     Attributes:
         marker, pads, body, hinges, forward, up: the roles.
@@ -124,7 +124,7 @@ def guess_parameters(
 
     Args:
         model: the robot.
-        root: its MJCF, where the numbers stand.
+        root: its MJCF, which has the numbers.
         pads: the pads.
     """
     found = {}
@@ -156,7 +156,7 @@ def _path_of(geom: str) -> str:
 
 
 def _marker(model: mujoco.MjModel) -> str:
-    """Return the site whose name says that it leads, or else the first site on a moving body."""
+    """Return the site whose name says that it is the marker, else the first site on a moving body."""
     named = [i for i in range(model.nsite) if model.site(i).name]
     moving = [i for i in named if model.site_bodyid[i] > 0] or named
     return str(model.site(min(moving, key=lambda i: (_rank(model.site(i).name), i))).name)
@@ -217,7 +217,7 @@ def _passive_hinges(model: mujoco.MjModel) -> list[str]:
 
 
 def _floating_joints(model: mujoco.MjModel) -> set[int]:
-    """Return the joints by which the first body moves in the world; they are no hinges of the robot."""
+    """Return the joints between the world and the first body; they are no hinges of the robot."""
     return {i for i in range(model.njnt) if model.body_parentid[model.jnt_bodyid[i]] == 0}
 
 

@@ -74,7 +74,7 @@ class InstrumentedRobot:
         model: the model, with the parts that its effects need; `RobotEffects.edit` then makes it the robot
             with effects. Its keyframe ``start`` is the nominal robot's.
         signals: the signal in each place of ``sensordata``; None where it is not kept.
-        effects: the effects that change this robot or what is measured of it.
+        effects: the effects that change this robot or its measurement.
     """
 
     model: mujoco.MjModel

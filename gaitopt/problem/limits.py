@@ -1,9 +1,9 @@
 """Bounds on the numbers of an MJCF, checked before MuJoCo sees it: compiling it ends and fits into memory.
 
-A child process under limits of memory and time would also cover what MuJoCo's next version adds. It takes
-0.25 s of processor time for each model, where a whole `gaitopt simulate` takes 0.7 s, and its limit of time
-would make the outcome depend on the machine. So the numbers are checked, and a test fails if MuJoCo has an
-attribute that was not considered here.
+A child process with limits of memory and time would also cover attributes of later MuJoCo versions. But it
+takes 0.25 s of processor time for each model, and a whole `gaitopt simulate` takes 0.7 s. Its time limit
+would also make the outcome depend on the machine. So the numbers are checked, and a test fails if MuJoCo has
+an attribute that was not considered here.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def check_limits(root: ET.Element, path: Path, assets: Mapping[str, bytes]) -> N
 
     Args:
         root: the MJCF, its includes resolved.
-        path: where it lies, for messages.
+        path: its path, for messages.
         assets: the files that it names, by the name that MuJoCo asks for.
 
     Raises:
@@ -230,7 +230,7 @@ class _Counter:
 def _check_sums(
     trees: Iterable[ET.Element], path: Path, assets: Mapping[str, bytes], counter: _Counter
 ) -> None:
-    """Check what many elements that are each allowed make together: the largest of each, times how many."""
+    """Check the total of elements that are allowed one by one: the largest of each, times their number."""
     trees = list(trees)
     count = counter.by_tag.get
     side = max(_largest(trees, "texture", "width"), _largest(trees, "texture", "height"))

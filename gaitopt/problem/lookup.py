@@ -1,4 +1,4 @@
-"""Where to find a problem file, the bundled problems, and the MJCF beside a problem file."""
+"""Where to find a problem file, the bundled problems, and the MJCF of a problem file."""
 
 from __future__ import annotations
 

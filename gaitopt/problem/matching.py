@@ -16,7 +16,7 @@ def check_matches(model: mujoco.MjModel, problem: Problem) -> None:
 
     Raises:
         GaitoptError: the channels are not the model's actuators in order, an actuator is no position servo,
-            a role names what the model lacks, or there is no keyframe or no body.
+            a role names a missing part, or there is no keyframe or no body.
     """
     _check_actuators(model, problem)
     _check_roles(model, problem)

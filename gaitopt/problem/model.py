@@ -18,7 +18,7 @@ from gaitopt.problem.records import Fidelity, Parameter
 from gaitopt.problem.start import START, settled, start_targets
 
 _ATTRIBUTE = r"[A-Za-z_][\w.-]*"
-"""Name of an attribute of an MJCF. It is written as it stands, so it may not hold markup."""
+"""Name of an attribute of an MJCF. It is written without changes, so it may not contain markup."""
 
 _MOST_DESCENTS = 2
 
@@ -139,7 +139,9 @@ def _set_attribute(root: ET.Element, path: str, template: str, parameter: Parame
     xpath, separator, attribute = path.rpartition("/@")
     if not separator or not re.fullmatch(_ATTRIBUTE, attribute, re.ASCII):
         raise bad_value(source, "path", path, "an XPath that ends in /@attribute")
-    if xpath.count("//") > _MOST_DESCENTS:  # each multiplies what is found: 200 nested elements, 1e16 ways
+    if (
+        xpath.count("//") > _MOST_DESCENTS
+    ):  # each one multiplies the number of matches: 200 nested elements, 1e16 matches
         raise bad_value(source, "path", path, f"an XPath with // at most {_MOST_DESCENTS} times")
     try:
         elements = root.findall(xpath)

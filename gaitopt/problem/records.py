@@ -68,7 +68,7 @@ class ChannelBounds(FileRecord):
 
     Attributes:
         range_deg: travel of the servo.
-        amplitude_deg: amplitudes that a search may use; needed with ``[gait]`` alone.
+        amplitude_deg: amplitudes that a search may use; needed only with ``[gait]``.
         duty, smoothing: duty factors and smoothing that a search may use.
         servo: calibration of the servo.
     """
@@ -218,8 +218,8 @@ class GaitBounds(FileRecord):
 class ProblemFile(FileRecord):
     """The content of a problem file.
 
-    ``[gait]`` and ``[objective]``, like `Roles.marker` and `Roles.pads`, are optional. What needs one that
-    is missing says so: see `Problem.require`.
+    ``[gait]`` and ``[objective]``, like `Roles.marker` and `Roles.pads`, are optional. Code that needs a
+    missing one says so: see `Problem.require`.
     """
 
     name: Annotated[str, Field(max_length=100, pattern=r"^\w[\w .+-]*$")]
@@ -262,5 +262,5 @@ class ProblemFile(FileRecord):
 
 
 def _ceil(value: float) -> int:
-    """Round up, except where a quotient such as 4 / 0.1 is above a whole number by rounding alone."""
+    """Round up, but not a quotient such as 4 / 0.1 that is above a whole number only by rounding."""
     return -int(-value * (1.0 - 1e-12) // 1.0)

@@ -19,10 +19,10 @@ SETTLE_LIMIT_STEPS = 1_000_000
 """Steps after which settling ends too, however small the timestep."""
 
 _SETTLE_CHUNK_S = 0.25
-"""Time between two looks whether the robot rests, s."""
+"""Time between two checks whether the robot rests, s."""
 
 _REST_SPEED = 1e-6
-"""Largest generalised speed at rest, rad/s or m/s: a hundredth of the 0.1 mm/s that the contract asks for."""
+"""Largest generalised speed at rest, rad/s or m/s: a hundredth of the required 0.1 mm/s."""
 
 
 def start_targets(problem: Problem) -> NDArray[np.float64]:
@@ -45,7 +45,7 @@ def settled(
         limit_s: when to stop at the latest, s of simulated time.
 
     Raises:
-        GaitoptError: MuJoCo stops, for lack of the memory that the MJCF allows it.
+        GaitoptError: MuJoCo stops, because the MJCF allows it too little memory.
     """
     data = mujoco.MjData(model)
     if model.nkey:

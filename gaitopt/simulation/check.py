@@ -1,4 +1,4 @@
-"""The audit of a model: what would make its gaits mean nothing on a real robot."""
+"""The audit of a model: defects that make its gaits useless for a real robot."""
 
 from __future__ import annotations
 

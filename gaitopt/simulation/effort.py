@@ -88,7 +88,7 @@ def resting_work(batch: Batch, model: mujoco.MjModel, keyframe: int) -> float:
     batch.reset(keyframe=keyframe, stage=mujoco.mjtStage.mjSTAGE_NONE)
     try:
         batch.rollout(_REST_STEPS, record=tuple(counts), out=counts)
-    except SimulationError:  # any gait will fail as well, and its status says why
+    except SimulationError:  # every gait will fail as well, and its status says why
         return _empty(model.nv)
     return mean_work(counts, model.nv)
 

@@ -1,4 +1,4 @@
-"""Metrics and other figures as people read them: a title, a unit and three significant digits."""
+"""Metrics and other figures as readers see them: a title, a unit and three significant digits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _TITLES: Mapping[str, str] = {
     "ratio": "ratio to the first",
     "ratio_ci90": "90 % interval of the ratio",
 }
-"""Title of a figure that is no metric, by its name without unit; other names are their own words."""
+"""Title of a figure that is no metric, by its name without unit; other names are shown as words."""
 
 
 def title_of(name: str) -> str:

@@ -43,9 +43,9 @@ class Metric:
 
     Attributes:
         name: its name, with the unit as suffix: a key of `Metrics` and of JSON.
-        meaning: what it says, in a line.
+        meaning: its meaning, in one line.
         formula: returns its value from the measured window of a rollout that went well.
-        title: what a person calls it, without unit; by default the name in words.
+        title: its title for readers, without unit; by default the name in words.
         share: whether it is a share of 1, shown in per cent.
         drift: whether it has a sign that scenarios cancel, so that means take its size.
         per_cycle: whether it is of one cycle, and left out where nothing repeats.
@@ -158,7 +158,7 @@ def _command_speed_ratio(window: Window) -> float:
     """Return commanded peak speed over no-load speed, of the servos whose torque is limited."""
     no_load = window.robot.no_load_speed
     limited = np.isfinite(no_load)
-    with np.errstate(over="ignore"):  # a square wave in all but name
+    with np.errstate(over="ignore"):  # practically a square wave
         peaks = window.peak_command_speed[limited] / no_load[limited]
     return float(peaks.max(initial=0.0))
 

@@ -14,7 +14,7 @@ from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import Metrics, mean_metrics, metric_names
 
 FAILED_COST = 1e6
-"""Cost of a gait whose simulation failed: worse than anything that a robot can do."""
+"""Cost of a gait whose simulation failed: worse than any possible cost of a robot."""
 
 _WORST_VIOLATION = 1e3
 """Largest violation of a constraint, in its scale: also that of a metric that is NaN."""
@@ -24,13 +24,13 @@ _NO_OBJECTIVE = Objective(terms={})
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What a gait is worth over some scenarios.
+    """The evaluation of a gait over some scenarios.
 
     Attributes:
         cost: what the search minimises.
         metrics: mean of each metric over the scenarios.
-        violations: excess over each constraint, in units of its scale; 0 where it is met. It is that of
-            the mean metric, or as `Objective.over_scenarios` asks.
+        violations: excess over each constraint, in units of its scale; 0 where it is met. It is that of the
+            mean metric, or as `Objective.over_scenarios` says.
         status: ``ok``, or why a scenario failed.
     """
 
@@ -75,10 +75,10 @@ def evaluate(
 ) -> Evaluation:
     """Return the evaluation of one gait from its metrics in each scenario.
 
-    The cost is the weighted sum of the mean metrics plus, for each constraint, the problem's penalty
-    times the violation by the mean metric, in units of the constraint's scale. Where the problem asks
-    for the worst scenario or a quantile, it is that of the weighted sums of the scenarios, plus the
-    penalty times that of each constraint's violations. Without ``[objective]`` the cost is 0, and nothing
+    The cost is the weighted sum of the mean metrics, plus a penalty for each constraint. This is the
+    problem's penalty times the violation by the mean metric, in units of the constraint's scale. If the
+    problem sets the worst scenario or a quantile, that of the scenarios' weighted sums is used instead of the
+    mean. The same holds for each constraint's violations. Without ``[objective]`` the cost is 0, and nothing
     is violated.
 
     Args:

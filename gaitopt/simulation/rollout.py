@@ -43,13 +43,13 @@ class RolloutSettings:
     Attributes:
         max_steps: longest rollout that is simulated at all; its record takes one to two gigabytes.
         most_work: a rollout that takes more than this many times the work of standing still as long is
-            stopped (`effort`). ArcFold's gaits are 0.8 to 1.1 times that work, those of the strider in the
-            tests 0.9 to 1.1, those of ArcFold's published model, which starts deep in its contacts, 0.4.
-            Standing still is what all gaits of a robot have in common; any other gait may itself be slow.
+            stopped (`effort`). ArcFold's gaits need 0.8 to 1.1 times that work, those of the strider in the
+            tests 0.9 to 1.1. Those of ArcFold's published model, which starts deep in its contacts, need 0.4.
+            Standing still is a reference for all gaits of a robot; any other gait may itself be slow.
         chunk: steps that are simulated at once; then the work is checked, which costs 1 to 3 % of it.
         count_every: one step in this many is counted.
-        settle_limit_s: time in which a robot with effects comes to rest before a rollout, s. It starts
-            near its rest, and on a slope it creeps on by micrometres without end.
+        settle_limit_s: time in which a robot with effects comes to rest before a rollout, s. It starts near
+            its rest, and on a slope it creeps by micrometres without end.
     """
 
     max_steps: int = 5_000_000
@@ -119,7 +119,7 @@ class Simulator:
         scenarios: the scenarios that `run` picks from by index.
         models: one compiled model per scenario.
         signals: signal in each place of ``sensordata``; None where it is not kept.
-        effects: the problem's effects that change this robot or what is measured of it.
+        effects: the problem's effects that change this robot or its measurement.
         settings: limits of a rollout.
     """
 
@@ -155,7 +155,7 @@ class Simulator:
         return Simulator(problem, fidelity, tuple(scenarios), models, robot.signals, effects, settings)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what travels to another process: everything but the threads' MuJoCo data."""
+        """Return what is sent to another process: everything but the threads' MuJoCo data."""
         return {name: value for name, value in vars(self).items() if name != "_local"}
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
@@ -185,9 +185,9 @@ class Simulator:
             poses: keep qpos too, for pictures.
 
         Returns:
-            The trajectory, sampled each millisecond from t = 0 to at least `duration`. A simulation
-            that diverges, or takes too much work, is stopped and keeps its last good values. One that
-            MuJoCo gives up has no values (NaN). `status` says which.
+            The trajectory, sampled each millisecond from t = 0 to at least `duration`. A simulation that
+            diverges, or takes too much work, is stopped and keeps its last good values. One that MuJoCo
+            itself stops has no values (NaN). `status` says which.
 
         Raises:
             GaitoptError: the rollout would take more steps than the settings allow.
@@ -306,7 +306,7 @@ def _start_at_rest(model: mujoco.MjModel, problem: Problem, effects: RobotEffect
 
 
 def _reason(error: SimulationError) -> str:
-    """Return why MuJoCo gave up: the first line of its own words, which is the same for every gait."""
+    """Return why MuJoCo stopped: the first line of its message, which is the same for every gait."""
     return str(error).rpartition("simulation 0: ")[2].partition("\n")[0]
 
 

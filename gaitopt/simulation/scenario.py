@@ -20,7 +20,7 @@ from gaitopt.problem.problem import Problem
 
 @dataclass(frozen=True)
 class Scenario:
-    """One draw of what is never known exactly.
+    """One draw of the quantities that are not known exactly.
 
     Attributes:
         friction: factor on every friction coefficient.
@@ -40,13 +40,13 @@ class Scenario:
 
 
 NOMINAL = Scenario()
-"""The robot as its problem says."""
+"""The nominal robot."""
 
 
 def draw_scenarios(problem: Problem, count: int, seed: Iterable[int]) -> tuple[Scenario, ...]:
     """Return `count` scenarios; the same seed gives the same ones.
 
-    The last is played as the servo gets it, where the problem says so (`ScenarioSpread.framed`).
+    The last gets its commands at the servo's frames, if the problem says so (`ScenarioSpread.framed`).
     """
     spread = problem.file.scenarios
     rng = seeded(*seed)

@@ -1,4 +1,4 @@
-"""Robots as values: everything that a worker, here or on another machine, needs to simulate one."""
+"""Robots as values: everything that a worker needs to simulate one, here or on another machine."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _KEPT = 8
 
 @dataclass(frozen=True)
 class RobotSetup:
-    """What a gait is evaluated in: the robot, the scenarios, the fidelity.
+    """What a gait is evaluated with: the robot, the scenarios, the fidelity.
 
     It is a value: a worker on another machine needs no file of the problem's.
 
@@ -64,7 +64,7 @@ _slots_lock = threading.Lock()
 def prepared(setup: RobotSetup) -> tuple[Simulator, Robot]:
     """Return this process's simulator of a setup, compiled on first use.
 
-    Threads that ask for the same setup wait for one of them to compile it; others go on.
+    Threads that need the same setup wait for one of them to compile it; others continue.
 
     Raises:
         GaitoptError: this process runs other versions than the setup asks for, or the model does not

@@ -55,7 +55,7 @@ CAMERA_SCALE = Effect(
 
 
 def _tilt(trajectory: Trajectory, angle: float, parts: Parts, _: np.random.Generator) -> Trajectory:
-    """Rotate the path from forward toward up: by a positive angle, a level path seems to climb."""
+    """Rotate the path from forward toward up: with a positive angle, a level path seems to climb."""
     axes = parts.axes
     cosine, sine = math.cos(angle), math.sin(angle)
     turn = np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])

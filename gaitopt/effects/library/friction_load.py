@@ -26,7 +26,7 @@ _STAND_S = 0.05
 
 
 _FACTORS = (0.2, 5.0)
-"""Smallest and largest factor on a coefficient: at hardly any load, no coefficient has been measured."""
+"""Smallest and largest factor on a coefficient: no coefficient has been measured at very small loads."""
 
 
 def _sense_all(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:

@@ -32,8 +32,8 @@ def _delay_all(sent: Commands, delay: float, parts: Parts) -> Commands:
 def _see_late(trajectory: Trajectory, delay: float, parts: Parts, __: np.random.Generator) -> Trajectory:
     """Return the trajectory, delayed by the part of a step that `_delay_all` leaves out.
 
-    A robot that starts at rest and gets all commands later does the same later. A command is held for a
-    step, so that a shift of the whole motion is exact.
+    A robot that starts at rest and gets all commands later moves in the same way, but later. A command is
+    held for a step, so a shift of the whole motion is exact.
     """
     _, rest = _in_steps(delay, parts.step_s)
     return replace(trajectory, time=trajectory.time + rest * parts.step_s) if rest else trajectory

@@ -1,4 +1,4 @@
-"""Does the robot stay on the ground, off itself and on course, and does it come out the same twice?"""
+"""Does the robot stay on the ground and on course, without self-contact, and is its motion repeatable?"""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _servos(gait: Gait, metrics: Metrics, settings: CheckSettings) -> Iterator[F
 
 
 def _chaos(gait: Gait, one: Trajectory, other: Trajectory, settings: CheckSettings) -> Iterator[Finding]:
-    """How much does a nudge of the start pose grow, over its size and the length of the path?"""
+    """How much does a perturbation of the start pose grow, relative to its size and the path length?"""
     if other.status != "ok":
         return
     apart = np.linalg.norm(one.stacked("marker") - other.stacked("marker"), axis=1)

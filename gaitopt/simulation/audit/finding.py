@@ -84,7 +84,7 @@ class Finding:
         value: the figure found.
         limit: the figure allowed.
         message: what was found, in words.
-        parameter: the named parameter that does nothing; empty for other kinds.
+        parameter: the named parameter without effect; empty for other kinds.
     """
 
     name: str

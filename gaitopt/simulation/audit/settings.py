@@ -11,7 +11,7 @@ class CheckSettings:
 
     Attributes:
         rest_s: how long the robot is held at its start, s.
-        rest_marker_m_s: fastest marker of a robot at rest, m/s: the contract of the keyframe ``start``.
+        rest_marker_m_s: fastest marker of a robot at rest, m/s; required of the keyframe ``start``.
         rest_joint_rad_s: fastest joint of a robot at rest, rad/s: likewise.
         parameter_change: factor by which a named parameter is changed to see whether it acts.
         parameter_at_zero: value tried instead for a parameter that is 0.
@@ -20,10 +20,10 @@ class CheckSettings:
         sideways_ratio: largest sideways over forward travel.
         reached: smallest share of its commanded travel that a joint goes through.
         nudge_rad: standard deviation of the start pose's change that shows chaos, rad.
-        growth: largest ratio of the paths' distance to the nudge, in lengths of the path: a calm robot
-            forgets a nudge of a millionth of a radian, or multiplies it by less than this.
+        growth: largest ratio of the paths' distance to the nudge, in lengths of the path: without chaos, a
+            perturbation of a millionth of a radian vanishes, or grows by less than this.
         timestep_change: largest change of the mean speed when the timestep is halved, as a share of it.
-        timestep_floor_m_s: largest such change whatever the speed, m/s.
+        timestep_floor_m_s: largest such change at any speed, m/s.
         starts: perturbed starts of which the mean speed is taken.
         start_spread_rad: standard deviation of their poses, rad.
         step_budget: steps that the check of the timestep may take for a gait; a longer gait gets fewer

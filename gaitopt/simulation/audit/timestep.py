@@ -61,7 +61,7 @@ def _failed(gait: Gait, runs: Sequence[Sequence[Trajectory]], timestep_s: float)
 def _changed(
     coarse: Simulator, gait: Gait, runs: Sequence[Sequence[Trajectory]], settings: CheckSettings
 ) -> Iterator[Finding]:
-    """Compare mean speeds; by less than their standard error, one-sided at 95 %, they do not differ."""
+    """Compare mean speeds; differences below their standard error, one-sided at 95 %, do not count."""
     problem, robot, count = coarse.problem, Robot.of(coarse.models[0]), len(runs[0])
     speeds = [[measure(problem, gait, run, robot)[SPEED.name] for run in some] for some in runs]
     before, after = np.mean(speeds, axis=1).tolist()
