@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import UnionType
 from typing import Annotated, Any, TypeVar, Union, get_origin
 
-from pydantic import AfterValidator, BaseModel, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ValidationError
 
 from gaitopt.core.errors import GaitoptError, found, nearest
 
@@ -20,6 +20,16 @@ def _shown(name: str) -> str:
 
 Name = Annotated[str, AfterValidator(_shown)]
 """A name from a file. It is printed on terminals and drawn in figures, so it has no control characters."""
+
+
+def _no_text(value: object) -> object:
+    if isinstance(value, (str, bool)):
+        raise ValueError(f"found {found(value)}; allowed: a number")
+    return value
+
+
+PLAIN_NUMBER = BeforeValidator(_no_text)
+"""A number that is written as one: pydantic alone takes the text ``"1_000"`` and ``true`` for numbers too."""
 
 
 def validated(record: type[Record], values: object, source: object) -> Record:

@@ -14,15 +14,17 @@ from pydantic import (
     model_validator,
 )
 
+from gaitopt.core.validation import PLAIN_NUMBER
+
 _LONGEST_US = 65535
 """Longest pulse that a table holds, µs."""
 
 _LAST_PIN = 32767
 """Largest GPIO number that a table holds; the export board says which pins exist."""
 
-_Pulse = Annotated[int, Field(ge=1, le=_LONGEST_US)]
-_Finite = Annotated[float, Field(allow_inf_nan=False)]
-_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+_Pulse = Annotated[int, Field(ge=1, le=_LONGEST_US), PLAIN_NUMBER]
+_Finite = Annotated[float, Field(allow_inf_nan=False), PLAIN_NUMBER]
+_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False), PLAIN_NUMBER]
 
 
 class Calibration(BaseModel):
@@ -42,7 +44,7 @@ class Calibration(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    pin: Annotated[int, Field(ge=0, le=_LAST_PIN)] | None = None
+    pin: Annotated[int, Field(ge=0, le=_LAST_PIN), PLAIN_NUMBER] | None = None
     neutral_us: _Finite = 1500.0
     min_us: _Pulse = 500
     max_us: _Pulse = 2500

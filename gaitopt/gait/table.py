@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.core.files import LARGEST_TEXT, read_text
-from gaitopt.core.validation import validated
+from gaitopt.core.validation import PLAIN_NUMBER, validated
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Gait
 
@@ -41,8 +41,8 @@ _JSON = re.compile(rf'^[\s\[{{]*"{MARK}"')
 
 _ROW = re.compile(r"^[ \t]*(\d[\d., ]*)$", re.MULTILINE | re.ASCII)
 
-_Word = Annotated[int, Field(ge=0, le=65535)]
-_Microseconds = Annotated[int, Field(ge=1, le=2**32 - 1)]
+_Word = Annotated[int, Field(ge=0, le=65535), PLAIN_NUMBER]
+_Microseconds = Annotated[int, Field(ge=1, le=2**32 - 1), PLAIN_NUMBER]
 
 
 class _Header(BaseModel):
@@ -210,7 +210,7 @@ def _parts(text: str, path: Path) -> tuple[Any, list[list[int]]]:
     try:
         if text.lstrip().startswith("{"):
             values = json.loads(text)
-            return values[MARK], [[int(pulse) for pulse in row] for row in values["pulses_us"]]
+            return values[MARK], [[_whole(pulse) for pulse in row] for row in values["pulses_us"]]
         found = _LINE.search(text)
         header = json.loads(found.group(1)) if found else None
         channels = len(header["gait"]["channels"]) if isinstance(header, dict) else 0
@@ -218,3 +218,14 @@ def _parts(text: str, path: Path) -> tuple[Any, list[list[int]]]:
         return header, [[int(pulse) for pulse in row[-channels:]] for row in rows]
     except (ValueError, KeyError, TypeError, RecursionError):
         raise GaitoptError(f"{path}: a gait table that cannot be read: changed since its export?") from None
+
+
+def _whole(pulse: object) -> int:
+    """Return a pulse of a JSON file.
+
+    Raises:
+        ValueError: it is no whole number.
+    """
+    if type(pulse) is not int:
+        raise ValueError(f"not a whole number: {pulse!r}")
+    return pulse

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from gaitopt.core.errors import unknown_name
-from gaitopt.core.validation import Name
+from gaitopt.core.validation import PLAIN_NUMBER, Name
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Channel
 from gaitopt.gait.space import ChannelSpace
@@ -124,7 +124,7 @@ class Baseline(FileRecord):
 class Fidelity(FileRecord):
     """How finely a simulation is integrated."""
 
-    timestep_s: Annotated[float, Field(ge=1e-6, le=0.1)]
+    timestep_s: Annotated[float, Field(ge=1e-6, le=0.1), PLAIN_NUMBER]
     integrator: Integrator
 
 
@@ -137,9 +137,9 @@ class Horizon(FileRecord):
     """
 
     transient_s: Annotated[NonNegative, Field(le=1e6)] = 1.0
-    transient_cycles: Annotated[int, Field(ge=0, le=1000)] = 1
+    transient_cycles: Annotated[int, Field(ge=0, le=1000), PLAIN_NUMBER] = 1
     measured_s: Annotated[Positive, Field(le=1e6)] = 4.0
-    measured_cycles: Annotated[int, Field(ge=1, le=1000)] = 2
+    measured_cycles: Annotated[int, Field(ge=1, le=1000), PLAIN_NUMBER] = 2
 
     def cycles(self, period_s: float) -> tuple[int, int]:
         """Return the numbers of transient and of measured cycles at a period."""
@@ -177,12 +177,12 @@ class ScenarioSpread(FileRecord):
         framed: the last scenario gets its targets at the servo's frame rate, one frame late.
     """
 
-    search: Annotated[int, Field(ge=1, le=1000)] = 3
-    verification: Annotated[int, Field(ge=2, le=1000)] = 16
-    friction: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.15
-    servo_strength: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.1
-    servo_trim_deg: Annotated[float, Field(ge=0.0, le=45.0)] = 0.0
-    start_pose_rad: Annotated[float, Field(ge=0.0, le=0.5)] = 0.005
+    search: Annotated[int, Field(ge=1, le=1000), PLAIN_NUMBER] = 3
+    verification: Annotated[int, Field(ge=2, le=1000), PLAIN_NUMBER] = 16
+    friction: Annotated[float, Field(ge=0.0, lt=1.0), PLAIN_NUMBER] = 0.15
+    servo_strength: Annotated[float, Field(ge=0.0, lt=1.0), PLAIN_NUMBER] = 0.1
+    servo_trim_deg: Annotated[float, Field(ge=0.0, le=45.0), PLAIN_NUMBER] = 0.0
+    start_pose_rad: Annotated[float, Field(ge=0.0, le=0.5), PLAIN_NUMBER] = 0.005
     framed: bool = True
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from gaitopt.core.validation import Name
+from gaitopt.core.validation import PLAIN_NUMBER, Name
 
-_Component = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
+_Component = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False), PLAIN_NUMBER]
 _Vector = tuple[_Component, _Component, _Component]
 
 

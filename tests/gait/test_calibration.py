@@ -67,3 +67,10 @@ def test_arcfold_is_wired_as_its_team_wired_it(arcfold: Problem) -> None:
         low, high = channel.servo.range_deg
         assert low < channel.range_deg[0]
         assert high > channel.range_deg[1]
+
+
+@pytest.mark.parametrize("value", ["1_500", "1500", "\u0661", True])
+@pytest.mark.parametrize("key", ["pin", "neutral_us", "min_us", "us_per_deg"])
+def test_a_text_is_no_number(key: str, value: object) -> None:
+    with pytest.raises(ValueError, match="allowed: a number"):
+        Calibration.model_validate({key: value})

@@ -191,6 +191,9 @@ def test_another_version_is_refused(made: GaitTable, tmp_path: Path) -> None:
         '{"gaitopt-table": {"format": 1}}',
         '{"gaitopt-table": {}, "pulses_us": 3}',
         '// gaitopt-table: {"format": 1, "gait": 3}',
+        '{"gaitopt-table": {"format": 1}, "pulses_us": [[1e999]]}',
+        '{"gaitopt-table": {"format": 1}, "pulses_us": [["1_0"]]}',
+        '{"gaitopt-table": {"format": 1}, "pulses_us": [[1.5]]}',
         "[" * 100_000 + '"gaitopt-table": {}',
     ],
 )

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.core.files import found_inside, inside, read_toml
 from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
-from gaitopt.core.validation import Name, validated
+from gaitopt.core.validation import PLAIN_NUMBER, Name, validated
 from gaitopt.diagnose.record.tables import TextTable, read_csv
 from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.gait.drive import Drive
@@ -32,8 +32,8 @@ _SAMPLES_PER_BLOCK = 4
 _WHOLE_BLOCKS = 2
 """A trial has at least this many blocks, so that differences between cycles can be seen."""
 
-_Finite = Annotated[float, Field(allow_inf_nan=False)]
-_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+_Finite = Annotated[float, Field(allow_inf_nan=False), PLAIN_NUMBER]
+_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False), PLAIN_NUMBER]
 _Name = Annotated[Name, Field(min_length=1, max_length=100)]
 
 
