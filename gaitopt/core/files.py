@@ -15,7 +15,7 @@ import re
 import stat
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
@@ -44,6 +44,9 @@ _LONG_KEY = re.compile(
     re.ASCII,
 )
 """A key with dots, such as ``a.b.c``. Python takes 46 s for one of 40,000 parts, and longer for more."""
+
+_DEEPEST = 100
+"""Most levels of lists and tables in a TOML or JSON file; files of gaitopt have fewer than 10."""
 
 _KINDS = {
     stat.S_IFDIR: "a folder",
@@ -128,10 +131,16 @@ def _content(path: Path, largest: int) -> bytes:
     return data
 
 
-def _check_plain(path: Path, status: os.stat_result) -> None:
+def kind_of(status: os.stat_result) -> str | None:
+    """Return what stands in place of a plain file, in words; None for a plain file."""
     kind = stat.S_IFMT(status.st_mode)
-    if kind != stat.S_IFREG:
-        raise GaitoptError(f"{path}: found {_KINDS.get(kind, 'no file')}; allowed: a plain file")
+    return None if kind == stat.S_IFREG else _KINDS.get(kind, "no file")
+
+
+def _check_plain(path: Path, status: os.stat_result) -> None:
+    kind = kind_of(status)
+    if kind is not None:
+        raise GaitoptError(f"{path}: found {kind}; allowed: a plain file")
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -144,11 +153,13 @@ def read_toml(path: Path) -> dict[str, Any]:
     if _LONG_KEY.search(text):
         raise GaitoptError(f"{path}: not TOML: found a key of more than {_MOST_PARTS} parts; allowed: fewer")
     try:
-        return tomllib.loads(text)
+        content = tomllib.loads(text)
     except ValueError as error:  # a TOMLDecodeError, or another for a number of 5000 digits
         raise GaitoptError(f"{path}: not TOML: {error}") from None
     except RecursionError:
         raise GaitoptError(f"{path}: not TOML: nested too deep") from None
+    _check_depth(path, content)
+    return content
 
 
 def read_json(path: Path) -> Any:
@@ -159,11 +170,29 @@ def read_json(path: Path) -> Any:
     """
     text = read_text(path, LARGEST_TEXT)
     try:
-        return json.loads(text)
+        content = json.loads(text)
     except ValueError as error:
         raise GaitoptError(f"{path}: not JSON: {error}") from None
     except RecursionError:
         raise GaitoptError(f"{path}: not JSON: nested too deep") from None
+    _check_depth(path, content)
+    return content
+
+
+def _check_depth(path: Path, content: object) -> None:
+    """Check how deep lists and tables are nested: what checks and prints them calls itself at each level."""
+    level: list[object] = [content]
+    for _ in range(_DEEPEST):
+        level = [item for one in level for item in _items(one)]
+        if not level:
+            return
+    raise GaitoptError(f"{path}: nested too deep; allowed: at most {_DEEPEST} levels")
+
+
+def _items(content: object) -> Iterable[object]:
+    if isinstance(content, dict):
+        return content.values()
+    return content if isinstance(content, list) else ()
 
 
 def inside(folder: Path, name: str) -> Path | None:
@@ -231,11 +260,10 @@ def check_replaceable(path: Path) -> int | None:
         status = path.lstat()
     except (OSError, ValueError):  # it is not there; what else is wrong shows when it is written
         return None
-    kind = stat.S_IFMT(status.st_mode)
-    if kind != stat.S_IFREG:
+    kind = kind_of(status)
+    if kind is not None:
         raise GaitoptError(
-            f"{path}: cannot be written: found {_KINDS.get(kind, 'no file')}; "
-            "allowed: a new file, or a plain one to replace"
+            f"{path}: cannot be written: found {kind}; allowed: a new file, or a plain one to replace"
         )
     if (status.st_dev, status.st_ino) in (_read_files.get() or ()):
         raise GaitoptError(f"{path}: cannot be written: the command reads it; allowed: another file")

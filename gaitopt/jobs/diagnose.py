@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gaitopt.core.errors import GaitoptError, unknown_name
+from gaitopt.core.own_files import check_folder
 from gaitopt.core.progress import OnProgress, silent
 from gaitopt.diagnose import diagnosis as diagnosing
 from gaitopt.diagnose.diagnosis import Diagnosis, DiagnosisRequest
@@ -245,6 +246,7 @@ def _check_resumed(folder: Path, out: Out) -> None:
         raise GaitoptError(f"--out: not with --resume, which goes on in {folder}")
     if not folder.is_dir():
         raise GaitoptError(f"--resume: {folder}: no such folder")
+    check_folder(folder)
 
 
 def _run(diagnosis: Diagnosis, folder: Path | None) -> DiagnosisRun:

@@ -209,7 +209,7 @@ def _in_folder(run: Reopened, work: _Work) -> OptimiseRun:
         if finished is not None and (folder.has_page or not run.same_versions):
             return OptimiseRun(finished, folder.path, None)
         problem = carrying(run.problem)
-        journal = Journal(folder.journal, problem)
+        journal = folder.open_journal(problem)
         if finished is not None and len(journal.entries) < finished.evaluations:
             raise GaitoptError(
                 f"{folder.journal}: found {len(journal.entries)} evaluations; allowed: "
@@ -252,7 +252,8 @@ def _stoppable(folder: RunFolder, problem: Problem) -> Iterator[None]:
     except KeyboardInterrupt as stop:
         if not folder.started:
             raise
-        entries = Journal(folder.journal, problem).entries
-        best = ranked(at_rung(entries))[0].evaluation
-        found = f"{1e3 * best.metrics['speed_m_s']:.1f} mm/s" if best.status == "ok" else "none that walks"
+        entries = folder.open_journal(problem).entries
+        walking = [entry for entry in ranked(at_rung(entries)) if entry.evaluation.status == "ok"]
+        best = walking[0].evaluation.metrics["speed_m_s"] if walking else None
+        found = "none that walks" if best is None else f"{1e3 * best:.1f} mm/s"
         raise Stopped(f"{len(entries)} gaits, best so far {found}", folder.path) from stop

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
+import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -14,6 +16,8 @@ from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import read_bytes
+from gaitopt.core.own_files import check_own, open_own
+from gaitopt.core.text import shortened
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import metric_names
@@ -21,6 +25,12 @@ from gaitopt.simulation.objective import Evaluation
 
 WORKING = "working"
 """The rung of what was judged at the problem's working fidelity."""
+
+DIGEST = "digest"
+"""The last column of a journal."""
+
+_LONGEST_ERROR = 300
+"""Most characters that are quoted of what is wrong in a row."""
 
 
 @dataclass(frozen=True)
@@ -64,13 +74,27 @@ class Journal:
     A torn last line, as a killed process leaves it, is dropped. A search that is opened on a journal with
     rows goes on after them (see `replay`).
 
+    Each row ends with a digest of itself and of the digest before it; the first digest before a row is that
+    of the key and the header. So a row that was changed, added, removed or moved since shows, and so does
+    another problem or request. It is no signature: who writes new digests, too, is believed.
+
     Attributes:
         path: the file.
         columns: names of its columns.
         entries: the evaluations.
     """
 
-    def __init__(self, path: Path, problem: Problem):
+    def __init__(self, path: Path, problem: Problem, key: str = ""):
+        """Open a journal, or begin one.
+
+        Args:
+            path: the file.
+            problem: the problem.
+            key: what the evaluations depend on: the problem, the request and the versions, in any form.
+
+        Raises:
+            GaitoptError: the file is not a journal of this problem, was changed since, or cannot be written.
+        """
         self.path = path
         self._space = problem.space
         self._variables = [variable.name for variable in problem.space.variables]
@@ -82,17 +106,25 @@ class Journal:
             *(f"violation.{name}" for name in self._constraints),
             *(f"x.{name}" for name in self._variables),
             *("period_s", *gait_columns(problem)),
+            DIGEST,
         ]
         self.entries: list[Entry] = []
-        if not (path.exists() and self._read()):
-            self._write([self.columns], os.O_CREAT | os.O_TRUNC)
+        self._digest = _digest(key, _line(self.columns))
+        if not (check_own(path) and self._read()):
+            self._write(_line(self.columns) + b"\n", os.O_CREAT)
 
     def append(self, entries: Sequence[Entry]) -> None:
         """Add the entries of one batch and make sure that they are on the disk."""
-        self._write([self._row(entry) for entry in entries], os.O_APPEND)
+        lines, digest = [], self._digest
+        for entry in entries:
+            line = _line(self._cells(entry))
+            digest = _digest(digest, line)
+            lines.append(line + b"," + digest.encode() + b"\n")
+        self._write(b"".join(lines), os.O_APPEND)
+        self._digest = digest
         self.entries.extend(entries)
 
-    def _row(self, entry: Entry) -> list[str]:
+    def _cells(self, entry: Entry) -> list[str]:
         evaluation = entry.evaluation
         cells = [str(entry.index), entry.method, repr(evaluation.cost), evaluation.status.replace("\n", " ")]
         cells += [str(evaluation.constraints_met).lower(), repr(entry.simulated_s), entry.rung]
@@ -104,13 +136,13 @@ class Journal:
             cells += [repr(value) for value in channel.model_dump().values()]
         return cells
 
-    def _write(self, rows: Sequence[Sequence[str]], flags: int) -> None:
+    def _write(self, data: bytes, flags: int) -> None:
         """Write to the disk. Without ``O_CREAT``, rows never go to a new file if the journal was removed."""
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(rows)
         try:
-            with os.fdopen(os.open(self.path, os.O_WRONLY | flags, 0o644), "wb") as file:
-                file.write(text.getvalue().encode())
+            with os.fdopen(open_own(self.path, os.O_WRONLY | flags), "wb") as file:
+                if flags & os.O_CREAT:
+                    file.truncate(0)
+                file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
@@ -119,37 +151,55 @@ class Journal:
     def _read(self) -> bool:
         """Read the rows that are there; False when not even the header is whole."""
         content = read_bytes(self.path)
-        whole = content[: content.rfind(b"\n") + 1]
-        rows = list(csv.reader(self._decoded(whole).splitlines()))
-        if not rows:
+        header, *lines, torn = (_line(self.columns), *content.split(b"\n"))
+        if not lines and header.startswith(torn):
             return False
-        if rows[0] != self.columns:
+        if not lines or lines[0] != header:
+            old = lines[:1] == [header.removesuffix(f",{DIGEST}".encode())]
             raise GaitoptError(
-                f"{self.path}: columns are not those of this problem and version; cannot resume"
+                f"{self.path}: no column {DIGEST}: the run is of an earlier version; cannot resume"
+                if old
+                else f"{self.path}: columns are not those of this problem and version; cannot resume"
             )
-        for number, row in enumerate(rows[1:]):
-            if len(row) != len(self.columns):
-                raise GaitoptError(
-                    f"{self.path}: line {number + 2}: {len(row)} cells, not {len(self.columns)}"
-                )
+        for number, line in enumerate(lines[1:], 2):
             try:
-                self.entries.append(self._entry(dict(zip(self.columns, row, strict=True))))
-            except ValueError as error:
-                raise GaitoptError(f"{self.path}: line {number + 2}: {error}") from None
-        if whole != content:
-            self._cut(len(whole))
+                self.entries.append(self._checked(line))
+            except (ValueError, csv.Error) as error:
+                text = shortened(str(error), _LONGEST_ERROR)
+                raise GaitoptError(f"{self.path}: line {number}: {text}") from None
+        if torn:
+            self._cut(len(content) - len(torn))
         return True
 
-    def _decoded(self, content: bytes) -> str:
-        try:
-            return content.decode("utf-8-sig")
-        except UnicodeDecodeError as error:
-            raise GaitoptError(f"{self.path}: not UTF-8 text (byte {error.start})") from None
+    def _checked(self, line: bytes) -> Entry:
+        """Return the evaluation of a line, and go on to the next line.
+
+        Raises:
+            ValueError: the line is not what was written after the line before, or is no evaluation.
+        """
+        row, _, said = line.rpartition(b",")
+        digest = _digest(self._digest, row)
+        if said != digest.encode():
+            raise ValueError(
+                f"its {DIGEST} is not that of this row after the rows before it: the journal, or the problem "
+                "or request beside it, was changed since; cannot resume"
+            )
+        cells = next(csv.reader([row.decode()], strict=True))
+        if len(cells) != len(self.columns) - 1:
+            raise ValueError(f"{len(cells) + 1} cells, not {len(self.columns)}")
+        entry = self._entry(dict(zip(self.columns[:-1], cells, strict=True)))
+        if entry.index != len(self.entries):
+            raise ValueError(f"evaluation: found {entry.index}; allowed: {len(self.entries)}")
+        if self._cells(entry) != cells:
+            raise ValueError("its numbers do not belong together, or are not as gaitopt writes them")
+        self._digest = digest
+        return entry
 
     def _cut(self, length: int) -> None:
         """Drop a torn end; the rest of the file is on the disk at every moment."""
         try:
-            os.truncate(self.path, length)
+            with os.fdopen(open_own(self.path, os.O_WRONLY), "wb") as file:
+                file.truncate(length)
         except OSError as error:
             raise GaitoptError(f"{self.path}: cannot be written: {error.strerror}") from None
 
@@ -161,7 +211,20 @@ class Journal:
         if not np.isfinite(point).all():
             raise ValueError("a coordinate that is not a number")
         gait, simulated_s = self._space.decode(point), float(row["simulated_s"])
+        if not (math.isfinite(evaluation.cost) and math.isfinite(simulated_s)):
+            raise ValueError("a cost or a simulated time that is not a number")
         return Entry(int(row["evaluation"]), row["method"], point, gait, evaluation, simulated_s, row["rung"])
+
+
+def _line(cells: Sequence[str]) -> bytes:
+    """Return a line of the table, without its end."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="").writerow(cells)
+    return text.getvalue().encode()
+
+
+def _digest(before: str, line: bytes) -> str:
+    return hashlib.sha256(before.encode() + b"\n" + line).hexdigest()[:16]
 
 
 def gait_columns(problem: Problem) -> list[str]:

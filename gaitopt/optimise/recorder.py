@@ -77,7 +77,7 @@ class Recorder:
         Raises:
             GaitoptError: the journal has evaluations of another search.
         """
-        batch = self._replay.answers(len(self.entries), points)
+        batch = self._replay.answers(len(self.entries), points, method, rung)
         if len(batch) < len(points):  # the whole batch, because a population that races is judged together
             fresh = self._assess(method, points, judge, rung)[len(batch) :]
             self._journal.append(fresh)
@@ -88,6 +88,14 @@ class Recorder:
             SearchProgress(method, len(self.entries), self._budget, "gaits", self.best, simulated)
         )
         return np.array([entry.evaluation.cost for entry in batch])
+
+    def check_journal(self) -> None:
+        """Check, when the search is over, that the journal has no other evaluations.
+
+        Raises:
+            GaitoptError: it has.
+        """
+        self._replay.check_used(len(self.entries))
 
     def _assess(self, method: str, points: NDArray[np.float64], judge: Judge, rung: str) -> list[Entry]:
         first = len(self.entries)

@@ -20,21 +20,38 @@ class Replay:
         self._path = journal.path
         self._entries = list(journal.entries)
 
-    def answers(self, first: int, points: NDArray[np.float64]) -> list[Entry]:
+    def answers(self, first: int, points: NDArray[np.float64], method: str, rung: str) -> list[Entry]:
         """Return the entries of the first candidates of a batch, as far as the journal has them.
 
         Args:
             first: number of the first candidate.
             points: the candidates, shape (n, d).
+            method: who proposes them.
+            rung: rung of the fidelity ladder on which they are judged.
 
         Raises:
             GaitoptError: an entry is of another candidate.
         """
         known = self._entries[first : first + len(points)]
         for entry, point in zip(known, points, strict=False):
-            if not np.array_equal(entry.point, point):
+            if (entry.method, entry.rung) != (method, rung) or not np.array_equal(entry.point, point):
                 raise GaitoptError(
                     f"{self._path}: evaluation {entry.index} is not the one that this seed, budget "
                     "and method propose; the run was made by other ones or by another version"
                 )
         return known
+
+    def check_used(self, count: int) -> None:
+        """Check that a search which is over has asked for every entry.
+
+        Args:
+            count: candidates of the search.
+
+        Raises:
+            GaitoptError: the journal has more.
+        """
+        if len(self._entries) > count:
+            raise GaitoptError(
+                f"{self._path}: found {len(self._entries)} evaluations; allowed: {count}, as many as this "
+                "seed, budget and method propose"
+            )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
+from gaitopt.core.errors import bad_value
 from gaitopt.core.progress import silent
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
@@ -19,7 +20,7 @@ from gaitopt.optimise.pareto import FrontGait, front_of, thinned, verified_front
 from gaitopt.optimise.recorder import OnSearchProgress
 from gaitopt.optimise.selection import finalists, select
 from gaitopt.optimise.settings import SearchSettings
-from gaitopt.optimise.stages import DEFAULT_METHOD, method_of
+from gaitopt.optimise.stages import DEFAULT_METHOD, method_names, method_of
 from gaitopt.optimise.study import Start, Study
 from gaitopt.optimise.verification import Verified, scenarios_of, verify
 from gaitopt.optimise.warm_start import Planned, WarmStart, best_elite, correlation, planned
@@ -29,6 +30,9 @@ from gaitopt.simulation.objective import check_searchable
 from gaitopt.simulation.setup import RobotSetup
 
 DEFAULT_BUDGET = 600
+
+LARGEST_BUDGET = 10**7
+"""A larger budget in a run folder is refused, gaits: a hundred gaits a second would take over a day."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,20 @@ class Request:
     method: str = DEFAULT_METHOD.name
     warm_start: bool = True
     pareto: bool = False
+
+    def check(self, source: object) -> None:
+        """Check the values of a request that was read from a file.
+
+        Raises:
+            GaitoptError: one is out of range.
+        """
+        if self.seed < 0:
+            raise bad_value(source, "seed", self.seed, "0 or more")
+        if not 1 <= self.budget <= LARGEST_BUDGET:
+            raise bad_value(source, "budget", self.budget, f"1 to {LARGEST_BUDGET}")
+        if self.method not in method_names():
+            names = method_names()
+            raise bad_value(source, "method", self.method, ", ".join(names), names)
 
 
 @dataclass(frozen=True)

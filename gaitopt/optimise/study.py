@@ -134,6 +134,7 @@ class Study:
         self._until = self.budget
         if front:
             self._search_front()
+        self._recorder.check_journal()
         return self.best
 
     @property

@@ -19,9 +19,9 @@ def answer_of(summary: Summary) -> str:
     speed, (low, high) = best.speed_m_s, best.speed_ci90_m_s
     if not math.isfinite(speed):
         return f"The best gait of the search failed where it was verified: {best.status}."
-    text = (
-        f"The best gait crawls at {1e3 * speed:.1f} mm/s (90 % interval {1e3 * low:.1f} to {1e3 * high:.1f})"
-    )
+    text = f"The best gait crawls at {1e3 * speed:.1f} mm/s"
+    if math.isfinite(low) and math.isfinite(high):
+        text += f" (90 % interval {1e3 * low:.1f} to {1e3 * high:.1f})"
     ratio, fastest = summary.ratio_to_best_baseline, summary.fastest_baseline
     if ratio is not None and fastest is not None:
         text += f", {ratio:.2f} times the fastest hand-tuned gait, {fastest.name}"

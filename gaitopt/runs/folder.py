@@ -10,6 +10,7 @@ from pathlib import Path
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text, write_with
 from gaitopt.core.folders import check_new_or_empty, not_empty
+from gaitopt.core.own_files import check_folder, make_own_folder
 from gaitopt.problem.lookup import PROBLEM_FILE
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.lock import LOCK_FILE, FolderLock
@@ -84,6 +85,7 @@ def make_folder(path: Path) -> bool:
             )
         if any(path.iterdir()) and not _killed_while_made(path):
             raise not_empty(path)
+        check_folder(path)
         return False
     try:
         path.mkdir(parents=True)
@@ -99,6 +101,7 @@ def held(path: Path) -> Iterator[None]:
     Raises:
         GaitoptError: another run is working there, or the folder cannot be written.
     """
+    check_folder(path)
     lock = FolderLock(path)
     lock.take()
     try:
@@ -109,9 +112,13 @@ def held(path: Path) -> Iterator[None]:
 
 
 def remove_half_written(folder: Path) -> None:
-    """Remove the temporary files that a killed run left."""
-    for path in [*folder.iterdir(), *folder.glob("*/*")]:
-        if _HALF_WRITTEN.fullmatch(path.name):
+    """Remove the temporary files that a killed run left: in the folder, and in folders inside it.
+
+    Raises:
+        GaitoptError: something in the folder is not its own; see `check_folder`.
+    """
+    for path in check_folder(folder):
+        if folder in (path.parent, path.parent.parent) and _HALF_WRITTEN.fullmatch(path.name):
             path.unlink(missing_ok=True)
 
 
@@ -127,10 +134,8 @@ def write_into(folder: Path, name: str, write: Callable[[Path], object]) -> Path
         GaitoptError: it cannot be written.
     """
     path = folder / name
-    try:
-        path.parent.mkdir(exist_ok=True)
-    except OSError as error:
-        raise GaitoptError(f"{path.parent}: cannot be made: {error.strerror}") from None
+    if path.parent != folder:
+        make_own_folder(path.parent)
     write_with(path, write)
     return path
 

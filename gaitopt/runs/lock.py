@@ -6,9 +6,10 @@ import os
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
+from typing import BinaryIO
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.own_files import open_own
 
 LOCK_FILE = ".lock"
 
@@ -18,7 +19,7 @@ class FolderLock:
 
     def __init__(self, folder: Path):
         self._path = folder / LOCK_FILE
-        self._file: IO[str] | None = None
+        self._file: BinaryIO | None = None
 
     def take(self) -> None:
         """Take the lock; do nothing where this object already holds it.
@@ -41,11 +42,11 @@ class FolderLock:
             file.close()
 
 
-def _locked(path: Path) -> IO[str]:
+def _locked(path: Path) -> BinaryIO:
     """Return the open and locked file."""
-    file: IO[str] | None = None
+    file: BinaryIO | None = None
     try:
-        file = path.open("w")
+        file = os.fdopen(open_own(path, os.O_RDWR | os.O_CREAT), "r+b", buffering=0)
         if sys.platform == "win32":
             import msvcrt
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -11,10 +12,12 @@ from pathlib import Path
 import tomli_w
 
 from gaitopt.core.errors import GaitoptError, bad_value
-from gaitopt.core.files import read_toml, write_text, write_with
+from gaitopt.core.files import read_bytes, read_toml, write_text, write_with
 from gaitopt.core.json import to_json
+from gaitopt.core.own_files import check_folder, check_own
 from gaitopt.core.versions import versions
 from gaitopt.gait.gait import write_gait
+from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import Optimised, Request
 from gaitopt.problem.model import model_assets, nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
@@ -107,6 +110,7 @@ class RunFolder:
         file = path / REQUEST_FILE
         if not file.is_file():
             raise GaitoptError(f"--resume: {path}: not a run folder (no {REQUEST_FILE})")
+        check_folder(path)
         values = read_toml(file)
         values = {"pareto": False} | values  # which runs of earlier versions do not name
         for key, default in asdict(Request()).items():
@@ -119,11 +123,16 @@ class RunFolder:
             name = others[0]
             raise bad_value(file, name, values[name], f"{versions()[name]}, the version here, to go on")
         request = Request(**{key: values[key] for key in asdict(Request())})
+        request.check(file)
         return Reopened(RunFolder(path, new=False), load_problem(path), request, not others)
 
     def __enter__(self) -> RunFolder:
         self._lock.take()
-        remove_half_written(self.path)
+        try:
+            remove_half_written(self.path)
+        except BaseException:
+            self._lock.release()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -142,9 +151,27 @@ class RunFolder:
     def started(self) -> bool:
         """Whether the folder holds anything that took time to compute."""
         try:
-            return self.journal.read_bytes().count(b"\n") > 1
-        except OSError:
+            return check_own(self.journal) and read_bytes(self.journal).count(b"\n") > 1
+        except GaitoptError:
             return False
+
+    def open_journal(self, problem: Problem) -> Journal:
+        """Open the journal of the run, or begin it.
+
+        Raises:
+            GaitoptError: it does not belong to the files beside it, or was changed since.
+        """
+        return Journal(self.journal, problem, self.journal_key(problem))
+
+    def journal_key(self, problem: Problem) -> str:
+        """Return a digest of what evaluations depend on: the problem's files, the request and the versions.
+
+        Raises:
+            GaitoptError: a file of them cannot be read.
+        """
+        named = [read_bytes(self.path / name) for name in (REQUEST_FILE, *FIRST_FILES)]
+        digests = [hashlib.sha256(data).digest() for data in (*named, *model_assets(problem).values())]
+        return hashlib.sha256(b"".join(digests[: len(named)] + sorted(digests[len(named) :]))).hexdigest()
 
     @property
     def summary(self) -> Summary | None:

@@ -31,7 +31,7 @@ from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.export.formats import FORMATS
 from gaitopt.gait.table import read_table
-from gaitopt.optimise.journal import Journal
+from gaitopt.runs.run_folder import RunFolder
 
 
 def commands_on(rng: random.Random, reference: str, gait: str = "stride") -> list[str]:
@@ -229,7 +229,10 @@ def run_folder(rng: random.Random, folder: Path) -> Case:
 def journal(rng: random.Random, folder: Path) -> Case:
     """A journal that was cut or edited: replayed completely, or refused in one line."""
     path = folder / "evaluations.csv"
-    data = finished_run()["evaluations.csv"]
+    for name, content in finished_run().items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(content)
+    data = path.read_bytes()
     if rng.random() < 0.5:
         data = broken(rng, data)
     else:
@@ -240,7 +243,9 @@ def journal(rng: random.Random, folder: Path) -> Case:
         csv.writer(text, lineterminator="\n").writerows(rows)
         data = text.getvalue().encode()
     path.write_bytes(data)
-    return Case(call=lambda: Journal(path, problem()), may_change=("evaluations.csv",))
+    return Case(
+        call=lambda: RunFolder.reopen(folder).folder.open_journal(problem()), may_change=("evaluations.csv",)
+    )
 
 
 def command_line(rng: random.Random, folder: Path) -> Case:

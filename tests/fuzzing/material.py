@@ -16,7 +16,6 @@ from gaitopt.export.replay import Replay
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.gait.table import GaitTable
 from gaitopt.optimise.executors import SerialExecutor
-from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import Request, optimise
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.runs.run_folder import RunFolder
@@ -103,7 +102,7 @@ def finished_run(seed: int = 1) -> dict[str, bytes]:
         folder = RunFolder.create(path, problem(), Request(seed=seed, budget=6, warm_start=False))
         with folder:
             found = optimise(problem(), Request(seed=seed, budget=6, warm_start=False),
-                             Journal(folder.journal, problem()), SerialExecutor())  # fmt: skip
+                             folder.open_journal(problem()), SerialExecutor())  # fmt: skip
             folder.write_results(problem(), found)
         return contents(path)
 

@@ -18,6 +18,7 @@ from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.run import Request, optimise
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.runs.run_folder import RunFolder
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import Evaluation
 
@@ -119,11 +120,13 @@ def test_a_front_is_cheaper_at_its_end_than_the_search_for_speed(fronted: Path) 
 def test_an_interrupted_front_is_resumed_to_the_same_bits(
     fronted: Path, tmp_path: Path, strider: Problem
 ) -> None:
+    for name in ("run.toml", "problem.toml", "model.xml"):
+        (tmp_path / name).write_bytes((fronted / name).read_bytes())
     path = tmp_path / "evaluations.csv"
     lines = (fronted / "evaluations.csv").read_text().splitlines(keepends=True)
     path.write_text("".join(lines[:45]))
-    request = Request(seed=3, budget=64, pareto=True)
-    optimised = optimise(strider, request, Journal(path, strider), SerialExecutor())
+    run = RunFolder.reopen(tmp_path)
+    optimised = optimise(strider, run.request, run.folder.open_journal(run.problem), SerialExecutor())
     assert path.read_text() == "".join(lines)
     found = json.loads((fronted / "summary.json").read_text())["pareto"]
     assert Summary.of(strider, optimised).to_dict()["pareto"] == found

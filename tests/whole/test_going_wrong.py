@@ -18,11 +18,11 @@ from gaitopt.gait.gait import Gait, write_gait
 from gaitopt.optimise import evaluator
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import SerialExecutor
-from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.quasi_random import quasi_random
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.robot.trajectory import Trajectory
+from gaitopt.runs.run_folder import RunFolder
 from gaitopt.simulation.rollout import RolloutSettings, Simulator
 from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
@@ -85,7 +85,7 @@ def test_a_study_goes_on_and_the_report_counts_why_gaits_failed(tmp_path: Path) 
     problem, out = granted(tmp_path / "robot", "6K"), tmp_path / "out"
     arguments = ("optimise", problem.source.parent, "--budget", 12, "--out", out, "--quiet")
     assert here(*arguments) == 0
-    journal = Journal(out / "evaluations.csv", problem)
+    journal = RunFolder.reopen(out).folder.open_journal(load_problem(out))
     failed = [entry.evaluation.status for entry in journal.entries if entry.evaluation.status != "ok"]
     assert failed
     note = f"{len(failed)} of 12 gaits failed in simulation: {failed[0]} ({len(failed)})"
@@ -252,7 +252,7 @@ def test_a_study_counts_what_stalled_and_ends(tmp_path: Path, monkeypatch: pytes
     assert here("optimise", folder, *arguments) == 0
     stalled = [
         entry.evaluation.status
-        for entry in Journal(out / "evaluations.csv", load_problem(folder)).entries
+        for entry in RunFolder.reopen(out).folder.open_journal(load_problem(out)).entries
         if entry.evaluation.status.startswith("stalled: over 3 times the work of standing still")
     ]
     assert stalled

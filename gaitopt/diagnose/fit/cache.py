@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import shutil
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.files import write_with
+from gaitopt.core.files import read_bytes, write_with
+from gaitopt.core.own_files import check_own, make_own_folder
 from gaitopt.core.versions import versions_text
 from gaitopt.diagnose.record.dataset import DataSet
 from gaitopt.problem.model import carrying, content_of
@@ -21,6 +24,12 @@ from gaitopt.simulation.rollout import Simulator
 
 _PREFIX = "simulated-"
 """How the name of a cache begins."""
+
+_UNREADABLE = (
+    *(GaitoptError, OSError, ValueError, EOFError, KeyError, AttributeError),
+    *(MemoryError, RecursionError, NotImplementedError, SyntaxError, zipfile.BadZipFile, zlib.error),
+)
+"""What reading a file raises that no diagnosis wrote: it is simulated again."""
 
 Arrays = Mapping[str, NDArray[np.float64]]
 
@@ -81,12 +90,9 @@ class SimulationCache:
         """Make its folder, though nothing may be in it: what is left to do there is found by it.
 
         Raises:
-            GaitoptError: it cannot be made.
+            GaitoptError: there is a link or a file in its place, or it cannot be made.
         """
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise GaitoptError(f"{self.folder}: cannot be made: {error.strerror}") from None
+        make_own_folder(self.folder)
 
     @property
     def count(self) -> int:
@@ -95,10 +101,10 @@ class SimulationCache:
 
     def read(self, name: str) -> dict[str, NDArray[np.float64]] | None:
         """Return a result, or None where there is none that can be read."""
+        path = self._path(name)
         try:
-            with np.load(self._path(name)) as arrays:
-                return dict(arrays)
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+            return _unpacked(read_bytes(path)) if check_own(path) else None
+        except _UNREADABLE:
             return None
 
     def write(self, name: str, arrays: Arrays) -> None:
@@ -116,3 +122,20 @@ class SimulationCache:
 
     def _path(self, name: str) -> Path:
         return self.folder / f"{hashlib.sha256(name.encode()).hexdigest()[:32]}.npz"
+
+
+def _unpacked(data: bytes) -> dict[str, NDArray[np.float64]]:
+    """Return the arrays of a file that `write` has made.
+
+    Raises:
+        ValueError: a part of it is compressed, so that it may be much larger than the file, or is no vector
+            of numbers. What is no archive at all raises other errors, too; see `_UNREADABLE`.
+    """
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        if any(part.compress_type != zipfile.ZIP_STORED for part in archive.infolist()):
+            raise ValueError("compressed")
+    with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+        unpacked = dict(arrays)
+    if any(array.dtype != np.float64 or array.ndim != 1 for array in unpacked.values()):
+        raise ValueError("no vector of numbers")
+    return unpacked

@@ -12,6 +12,7 @@ from concurrent.futures import Executor, Future, as_completed
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import OnProgress, Progress, silent
@@ -23,6 +24,7 @@ from gaitopt.effects.active import Values
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
+from gaitopt.robot.signals import is_marker
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
@@ -164,10 +166,11 @@ class _Batch:
         """Add a comparison from the cache; return whether the cache has it."""
         cache = self._runner.cache
         known = None if cache is None else cache.read(name)
-        if known is not None:
-            coordinates = np.array(at, dtype=float)
-            self.put(index, Comparison(coordinates, known["whitened"], known["apart"], known["angles"]))
-        return known is not None
+        if known is None or not _fits(known, self._trial_set):
+            return False
+        coordinates = np.array(at, dtype=float)
+        self.put(index, Comparison(coordinates, known["whitened"], known["apart"], known["angles"]))
+        return True
 
     def wait_for(self, index: int, name: str, at: tuple[float, ...], future: Future[Predictions]) -> None:
         """Add the comparison with a robot when its predictions are ready."""
@@ -192,6 +195,15 @@ class _Batch:
             arrays = (comparison.whitened, comparison.marker, comparison.angles)
             cache.write(pending.name, dict(zip(("whitened", "apart", "angles"), arrays, strict=True)))
         self.put(pending.index, comparison)
+
+
+def _fits(known: Mapping[str, NDArray[np.float64]], trial_set: TrialSet) -> bool:
+    """Return whether a result from the cache may be of these trials, by its names, lengths and numbers."""
+    rows = [(name, len(rows)) for one in trial_set.trials for name, rows in one.bins.rows.items()]
+    angles = sum(count for name, count in rows if not is_marker(name))
+    lengths = {"whitened": len(trial_set.row_blocks), "apart": len(trial_set.sample_trials), "angles": angles}
+    same = {name: len(array) for name, array in known.items()} == lengths
+    return same and bool(np.isfinite(known["whitened"]).all())
 
 
 def predict_with_effects(
