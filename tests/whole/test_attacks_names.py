@@ -13,10 +13,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import pytest
 import tomli_w
-from helpers import ROBOTS, problem_folder
+from helpers import ROBOTS, brief_studies, problem_folder
 from hostility import PACKAGE
 from matplotlib import rc_context
 from PIL import Image
+from planting import dataset, recording_of, rollout
 
 from gaitopt.cli import app as cli
 from gaitopt.cli.progress import search_display, steps_display
@@ -181,6 +182,42 @@ def test_other_commands_end_well_or_in_one_line(
     page = tmp_path / "out" / "report.html"
     if name in ("check", "compare"):
         assert "Not drawn" not in page.read_text()
+
+
+@pytest.mark.slow
+def test_a_diagnosis_of_hostile_names_ends_with_its_page(
+    quick_folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Trials and gaits; the film beside the measured marker, too."""
+    for place, setting, value in brief_studies():
+        monkeypatch.setattr(place, setting, value)
+    monkeypatch.setenv("COLUMNS", "1000")
+    known = load_problem(quick_folder)
+    columns = recording_of(rollout(known, "square-1s", 5.0, {"ground_slope": {"angle_rad": 0.15}}))
+    names = [r"$\frac{$", "[/x]", "_步", "n" * 100]
+
+    def renamed(content: dict[str, Any]) -> None:
+        known = content["baselines"]
+        gait = known["square-4s"] | {"period_s": known["square-1s"]["period_s"]}
+        content["baselines"] = dict.fromkeys(names, gait)
+
+    robot = problem_folder(tmp_path / "robot", quick_folder, renamed)
+    trials = {f"{name} #1": (name, columns) for name in names[:2]}
+    data = dataset(tmp_path / "trials", {f"t{i}": trial for i, trial in enumerate(trials.values())})
+    file = data / "dataset.toml"
+    content = tomllib.loads(file.read_text())
+    for entry, name in zip(content["trial"], trials, strict=True):
+        entry["name"] = name
+    file.write_text(tomli_w.dumps(content))
+    out = tmp_path / "out"
+    said = run(capfd, "diagnose", robot, data, "--effects", "ground_slope", "--full", "--out", out)
+    assert r"$\frac{$ #1" in said
+    page = (out / "report.html").read_text()
+    assert "Not drawn" not in page
+    assert "No film" not in page or "OpenGL" in page
+    assert {"measured-2.png", "components.png", "map.png", "ranking.png"} <= {
+        path.name for path in (out / "figures").iterdir()
+    }
 
 
 @pytest.mark.parametrize("name", [*UNPRINTABLE, "[bold red]"])
