@@ -1,4 +1,4 @@
-"""Boards: which pins there are, and what to know of some of them."""
+"""Boards: their pins, and notes on some of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class PinNote:
-    """What to know of some pins.
+    """A note on some pins.
 
     Attributes:
         pins: their GPIO numbers.
@@ -27,7 +27,7 @@ class Board:
         name: the board or the family.
         pins: the GPIO numbers that it has.
         warnings: pins that a servo or the LED should not be on.
-        wiring: what the README says of pins that a servo may be on.
+        wiring: the README's notes on pins that a servo may be on.
     """
 
     name: str
@@ -36,11 +36,11 @@ class Board:
     wiring: tuple[PinNote, ...] = ()
 
     def warnings_of(self, pin: int | None) -> list[str]:
-        """Return what speaks against a pin; nothing for a pin that is not set."""
+        """Return the warnings about a pin; none for a pin that is not set."""
         return [note.text.format(pin=pin) for note in self.warnings if pin in note.pins]
 
     def wiring_of(self, pins: Sequence[int | None]) -> list[str]:
-        """Return what to know of the pins in use, each note once."""
+        """Return the notes on the pins in use, each note once."""
         used = ((note, next((pin for pin in pins if pin in note.pins), None)) for note in self.wiring)
         return [note.text.format(pin=pin) for note, pin in used if pin is not None]
 

@@ -33,8 +33,8 @@ def export_files(
     Args:
         format: the output format.
         table: the table.
-        replay: how it did in simulation.
-        warnings: what the README warns of.
+        replay: its result in simulation.
+        warnings: the warnings of the README.
         from_datasheet: per channel, the values of its calibration that are not set.
     """
     environment = _environment()
@@ -59,7 +59,7 @@ def export_files(
 
 @dataclass(frozen=True)
 class ServoFacts:
-    """What a template sees of a servo.
+    """The data of a servo for templates.
 
     Attributes:
         name: its channel.
@@ -74,7 +74,7 @@ class ServoFacts:
 
 @dataclass(frozen=True)
 class TableFacts:
-    """What every template sees of a table.
+    """The data of a table for every template.
 
     Attributes:
         mark, header: what a table file carries to be read back: ``mark: header``.
@@ -100,7 +100,7 @@ class TableFacts:
 
 
 def facts(table: GaitTable) -> TableFacts:
-    """Return what every template sees of a table."""
+    """Return the data of a table for every template."""
     rows = zip(table.servos.items(), servo_rows(table), strict=True)
     return TableFacts(
         mark=MARK,

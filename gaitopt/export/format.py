@@ -13,7 +13,7 @@ TEMPLATES = HERE / "templates"
 """Templates and sources of the formats here; a format may have its own elsewhere."""
 
 INTERCHANGE = TEMPLATES / "play_table.md.jinja"
-"""How to play a table that is for other programs."""
+"""How to play a table for other programs."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Format:
         name: what the command line calls it.
         table_file: where the file goes that holds the table and the gait.
         table: template of that file.
-        play: template of what the README says on how to play it.
+        play: template of the README's section on how to play it.
         copies: further files: where each goes, and the file that it is a copy of.
         drives_pins: whether it sends the pulses itself, so that every servo needs a pin.
         board: the board that the servos' pins belong to.

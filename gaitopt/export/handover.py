@@ -1,4 +1,4 @@
-"""The export of a gait: checked against the servos, replayed in simulation, then written whole."""
+"""The export of a gait: checked against the servos, replayed in simulation, then written completely."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _MAX_PERIOD_S = 4294.0
 
 @dataclass(frozen=True)
 class Choices:
-    """What a user chooses about an export.
+    """The choices of a user for an export.
 
     Attributes:
         format: a key of `FORMATS`.

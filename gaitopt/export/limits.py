@@ -26,7 +26,7 @@ def refuse_outside(problem: Problem, gait: Gait) -> None:
     """Check that every target lies within its servo's range.
 
     Raises:
-        GaitoptError: one does not; the message says which, when in the cycle, and how to go on.
+        GaitoptError: one does not; the message says which, when in the cycle, and what to do.
     """
     time = np.arange(_STEPS) / _STEPS * gait.period_s
     targets = np.rad2deg(gait.targets(time))

@@ -1,4 +1,4 @@
-"""Is what the robot will get still the gait? The exported table is played in simulation first."""
+"""The exported table, played in simulation first: does the robot still get the gait?"""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Replay:
 def replay(
     problem: Problem, table: GaitTable, executor: Executor, settings: ReplaySettings = ReplaySettings()
 ) -> Replay:
-    """Return what is lost between the gait and the servos, in simulation over several start poses.
+    """Return the speed lost between the gait and the servos, in simulation over several start poses.
 
     Args:
         problem: the problem.

@@ -20,7 +20,7 @@ def command_stages(problem: Problem, table: GaitTable) -> dict[str, Commands]:
 
     ``gait`` is the gait itself; ``interpolation`` between the table's samples; ``quantisation`` to
     whole microseconds and to the timer's steps; ``frame rate``, one command a frame; ``latency``, each
-    acts one frame late; ``player`` is the sequence that is really sent, with ramp and slew clamp.
+    acts one frame late; ``player`` is the sequence that is finally sent, with ramp and slew clamp.
     """
     frame_s = 1e-6 * table.frame_us
 

@@ -1,4 +1,4 @@
-"""The pins that the servos are on, and the pulses that go out there."""
+"""The pins of the servos, and the pulses sent on them."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ def check_wiring(problem: Problem, format: Format, led_pin: int | None) -> None:
     """Check that the servo signals can be made on distinct pins of the format's board.
 
     Raises:
-        GaitoptError: a pin is missing, used twice or not on the board, a pulse does not fit into a frame, or
-            the start pose asks for a pulse that the servo does not take.
+        GaitoptError: a pin is missing, used twice or not on the board. Or a pulse does not fit into a frame,
+        or the start pose needs a pulse outside the servo's range.
     """
     frame_us = round(1e6 * problem.file.servo.frame_s)
     pins = format.board.pins
@@ -48,6 +48,6 @@ def _check_pulses(problem: Problem, name: str, frame_us: int) -> None:
 
 
 def pin_warnings(problem: Problem, format: Format, led_pin: int | None) -> list[str]:
-    """Return what speaks against the pins in use, one sentence each."""
+    """Return the warnings about the pins in use, one sentence each."""
     pins = {name: channel.servo.pin for name, channel in problem.file.channels.items()} | {"LED": led_pin}
     return [f"{name}: {note}" for name, pin in pins.items() for note in format.board.warnings_of(pin)]

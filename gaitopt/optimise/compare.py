@@ -22,7 +22,7 @@ from gaitopt.simulation.setup import RobotSetup
 
 @dataclass(frozen=True)
 class ComparedGait:
-    """One gait of a comparison, each figure beside that of the first gait over the same scenarios.
+    """One gait of a comparison, with its differences from the first gait over the same scenarios.
 
     Attributes:
         name: name of the gait.
@@ -73,7 +73,8 @@ class ComparedGait:
 def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executor) -> list[ComparedGait]:
     """Return one row per gait: mean speed with interval, and its paired difference to the first gait.
 
-    Every gait meets the same scenarios, so that difference and ratio of two are judged scenario by scenario.
+    Every gait runs in the same scenarios, so that difference and ratio of two are judged scenario by
+    scenario.
 
     Args:
         problem: the problem.
@@ -124,7 +125,7 @@ class Ratio:
 
 
 def paired_ratio(speeds: NDArray[np.float64], first: NDArray[np.float64]) -> Ratio | None:
-    """Return the ratio of two mean speeds over the same scenarios, or None where it means nothing.
+    """Return the ratio of two mean speeds over the same scenarios, or None where it has no meaning.
 
     The interval is by the delta method: the error of the ratio r is the mean of (a - r b) / mean(b) over the
     scenarios.

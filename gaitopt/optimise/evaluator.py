@@ -15,8 +15,10 @@ from gaitopt.simulation.objective import Evaluation, evaluate
 from gaitopt.simulation.setup import RobotSetup, prepared
 
 RACED_ON = 2.0 / 3.0
-"""Share of a population that is simulated in every scenario. So none of the three best of twelve neighbours
-is lost; with half of them, one in eleven is. See ``results/profile``."""
+"""Share of a population that is simulated in every scenario.
+
+With this share, none of the three best of twelve neighbours is lost; with a half, one in eleven is. See
+``results/profile``."""
 
 DROPPED = "dropped"
 """The status of a gait that the race has dropped begins so."""
@@ -27,7 +29,7 @@ class Outcome:
     """One gait in one scenario.
 
     Attributes:
-        metrics: what it achieved.
+        metrics: its metrics.
         status: ``ok``, or why the simulation failed.
         simulated_s: simulated seconds.
     """
@@ -42,7 +44,7 @@ class Evaluated:
     """One gait over some scenarios.
 
     Attributes:
-        evaluation: what it is worth.
+        evaluation: its cost, metrics and violations.
         outcomes: the outcome in each scenario.
     """
 
@@ -64,7 +66,7 @@ def assess(setup: RobotSetup, gait: Gait, scenario: int) -> Outcome:
 
 
 def assess_all(work: Iterable[tuple[RobotSetup, Gait, int]], executor: Executor) -> list[Outcome]:
-    """Return the outcome of each setup, gait and scenario, in the order asked for.
+    """Return the outcome of each setup, gait and scenario, in the given order.
 
     Raises:
         GaitoptError: the connection to the executor's workers was lost.
@@ -93,7 +95,7 @@ class Evaluator:
     raced_on: float = RACED_ON
 
     def outcomes(self, gaits: Sequence[Gait], scenarios: Sequence[int] | None = None) -> list[list[Outcome]]:
-        """Return the outcome of each gait in each scenario, in the order asked for.
+        """Return the outcome of each gait in each scenario, in the given order.
 
         Args:
             gaits: the gaits.
@@ -108,7 +110,7 @@ class Evaluator:
         return [[next(done) for _ in scenarios] for _ in gaits]
 
     def __call__(self, gaits: Sequence[Gait]) -> list[Evaluated]:
-        """Return evaluation and outcomes of each gait, in the order asked for."""
+        """Return evaluation and outcomes of each gait, in the given order."""
         return [Evaluated(judge(self.setup.problem, row, self.margin), row) for row in self.outcomes(gaits)]
 
     def race(self, gaits: Sequence[Gait]) -> list[Evaluated]:

@@ -39,7 +39,7 @@ def open_executor(name: str = "threads", workers: int | None = None) -> Executor
         workers: how many rollouts run at once; as many as there are usable cores by default.
 
     Raises:
-        GaitoptError: there is no executor of this name, or fewer than one worker is asked for.
+        GaitoptError: there is no executor of this name, or `workers` is below one.
     """
     if workers is not None and workers < 1:
         raise GaitoptError(f"--workers: found {workers}; allowed: 1 or more")

@@ -1,7 +1,7 @@
 """The greeting of a dask scheduler, read before dask reads it.
 
-Dask waits without limit for the greeting of whatever answers, and takes its first bytes for a length of any
-size. So another program at the address would hang it, or exhaust the memory.
+Dask waits without limit for the greeting of any program that answers, and reads its first bytes as a length
+of any size. So another program at the address would block it, or exhaust the memory.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The fidelity ladder: judge gaits on a cheaper rung, where it ranks them as the working fidelity does.
+"""The fidelity ladder: judge gaits on a cheaper rung, if it ranks them like the working fidelity.
 
-A search has to rank neighbours of its best gait. How well a rung ranks them differs from robot to robot and
-from gait to gait. So each search measures it, on gaits that it has just judged at the working fidelity, and
-refuses a rung that ranks them differently. ``results/profile`` has what this gains.
+A search has to rank neighbours of its best gait. How well a rung ranks them depends on the robot and the
+gait. So each search measures it, on gaits that it has just judged at the working fidelity, and refuses a rung
+that ranks them differently. The gain is in ``results/profile``.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Rung:
         timestep_s: its timestep, s.
         measured_s: shortest time over which it measures, s.
         rank_correlation: Spearman's, of its costs and those of the working fidelity; 0 where all are equal.
-        used: whether the search went on with it.
+        used: whether the search used it.
         simulated_s: simulated seconds that this took.
     """
 
@@ -90,7 +90,7 @@ class LadderSettings:
 
 @dataclass(frozen=True)
 class Descent:
-    """Where the ladder led.
+    """The result of the ladder.
 
     Attributes:
         evaluator: the evaluator of the lowest rung that may be used.
@@ -107,7 +107,7 @@ def descend(
     costs: NDArray[np.float64],
     settings: LadderSettings = LadderSettings(),
 ) -> Descent:
-    """Measure cheaper rungs, and return the lowest one that ranks gaits as the working fidelity does.
+    """Measure cheaper rungs, and return the lowest one that ranks gaits like the working fidelity.
 
     Each step starts from the last rung that may be used.
 

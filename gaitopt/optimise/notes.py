@@ -1,4 +1,4 @@
-"""Notes: what a user should know of a search, in one sentence each."""
+"""Notes: what a user should know about a search, in one sentence each."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from gaitopt.optimise.verification import Verified
 def drift_notes(
     predicted: Mapping[str, float], baselines: Sequence[Verified], ratio: float
 ) -> tuple[str, ...]:
-    """Return what the planar model misses of the baselines that drift sideways.
+    """Return a note on baselines that drift sideways, which the planar model does not describe.
 
     Args:
         predicted: planar speed of each baseline by name, m/s.
         baselines: the baselines, verified.
-        ratio: sideways over forward speed above which a baseline is said to drift.
+        ratio: sideways over forward speed above which a baseline counts as drifting.
     """
     return tuple(
         f"{row.gait.name} drifts sideways at {row.evaluation.metrics['sideways_ratio']:.0%} of its speed, "

@@ -27,7 +27,7 @@ class FrontSettings:
     Attributes:
         share: share of the budget that goes to the front. The rest searches for the best gait first, as
             without a front.
-        levels: limits of the cost of transport under which the fastest gait is searched for.
+        levels: limits of the cost of transport; the fastest gait under each is searched.
         shown: gaits of the front that are verified, at most.
         spread: length of the first steps, from the best known gait, in units of the box.
     """
@@ -124,7 +124,7 @@ def thinned(front: Sequence[Entry], count: int = FrontSettings.shown) -> list[En
 
 
 def verified_front(entries: Sequence[Entry], verified: Sequence[Verified]) -> list[FrontGait]:
-    """Return gaits of the front as the search saw them and as verified in scenarios that it never saw."""
+    """Return gaits of the front as the search saw them and as verified in scenarios that it did not see."""
     met = [v.evaluation.constraints_met for v in verified]
     costs = [v.evaluation.metrics["cost_of_transport"] for v in verified]
     able = [i for i, ok in enumerate(met) if ok and math.isfinite(costs[i])]

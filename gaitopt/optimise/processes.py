@@ -21,8 +21,8 @@ _LIVES = 5
 class ProcessExecutor(ThreadPoolExecutor):
     """Worker processes. When one dies, all are replaced and their unfinished calls are repeated.
 
-    Each call waits in a thread of its own for its process, so that the thread can submit it again to the next
-    pool. Twice as many threads as processes keep the processes busy.
+    Each call has its own thread, which waits for its process and can submit the call again to the next pool.
+    Twice as many threads as processes keep the processes busy.
     """
 
     def __init__(self, workers: int):

@@ -35,11 +35,11 @@ OnSearchProgress = Callable[[SearchProgress], None]
 """Called as each batch ends."""
 
 Judge = Callable[[Sequence[Gait]], list[Evaluated]]
-"""What judges gaits: an `Evaluator`, or its race."""
+"""Judges gaits: an `Evaluator`, or its race."""
 
 
 class Recorder:
-    """Evaluates candidates, answers those that the journal knows from it, and writes the others into it.
+    """Evaluates candidates; takes those in the journal from it, and writes the others into it.
 
     Attributes:
         entries: the evaluations so far, in order.

@@ -1,4 +1,4 @@
-"""Replay: the evaluations of an interrupted search, in the order in which the search asks for them again."""
+"""Replay: the evaluations of an interrupted search, in the order in which the search proposes them again."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ LARGEST_BUDGET = 10**7
 
 @dataclass(frozen=True)
 class Request:
-    """What was asked for: with the problem, all that a result depends on.
+    """The request: with the problem, all that a result depends on.
 
     Attributes:
         seed: seed of all randomness.
@@ -73,7 +73,7 @@ class Optimised:
     """What the main job found.
 
     Attributes:
-        request: what was asked for.
+        request: the request.
         entries: every evaluation of the search, in order.
         plan: the plan that the search started from; None for a cold search.
         warm_start: the best planned gait in MuJoCo; None for a cold search.
@@ -84,8 +84,9 @@ class Optimised:
         baselines: the hand-tuned gaits, verified.
         simulated_s: simulated seconds in all.
         wall_s: seconds it took.
-        front: gaits of speed against cost of transport, where they were asked for.
-        rungs: cheaper rungs of the fidelity ladder that were measured; none where that would not pay.
+        front: gaits of speed against cost of transport, if requested.
+        rungs: cheaper rungs of the fidelity ladder that were measured; none if the budget is too small for
+            that.
     """
 
     request: Request
@@ -111,12 +112,12 @@ def optimise(
     on_progress: OnSearchProgress = silent,
     settings: SearchSettings | None = None,
 ) -> Optimised:
-    """Search for the best gait of a problem and verify it beside the baselines.
+    """Search for the best gait of a problem, and verify it and the baselines.
 
     Args:
         problem: the problem.
-        request: what is asked for.
-        journal: where every evaluation is written; one that holds evaluations is gone on with.
+        request: the request.
+        journal: where every evaluation is written; a search continues after the evaluations that it holds.
         executor: where the rollouts run.
         on_progress: called as each batch ends.
         settings: how to search; `settings.DEFAULT` by default.
@@ -165,7 +166,7 @@ def optimise(
 
 
 def _evaluator(problem: Problem, seed: int, executor: Executor, settings: SearchSettings) -> Evaluator:
-    """Return what judges the gaits of the search."""
+    """Return the evaluator of the search."""
     scenarios = scenarios_of(problem, seed, Stream.SEARCH_SCENARIOS)
     setup = RobotSetup.of(problem, scenarios, problem.simulation.working)
     return Evaluator(setup, executor, problem.objective.search_margin, settings.raced_on)

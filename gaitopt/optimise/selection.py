@@ -1,4 +1,4 @@
-"""The selection of the winner among the best gaits of a search, on scenarios that the search never saw."""
+"""The selection of the winner among the best gaits of a search, on scenarios that the search did not see."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int) -> 
 def select(problem: Problem, among: Sequence[Finalist], executor: Executor, seed: int) -> Selected:
     """Return the best of the finalists on fresh scenarios.
 
-    The best gait of the search is partly the luckiest on its few scenarios; fresh scenarios correct that.
+    The best gait of the search is partly best by chance on its few scenarios; fresh scenarios correct this.
     """
     scenarios = scenarios_of(problem, seed, Stream.SELECTION_SCENARIOS)
     setup = RobotSetup.of(problem, scenarios, problem.simulation.working)

@@ -63,8 +63,8 @@ def sensitivities(
 ) -> list[Sensitivity]:
     """Return the sensitivity of the speed to each number of the gait and to each parameter of the model.
 
-    Each number is moved alone, a step down and a step up, in the same scenarios. A parameter of value 0 has
-    no step. One with which the model cannot be built is left out.
+    Each number is moved by itself, a step down and a step up, in the same scenarios. A parameter of value 0
+    has no step. One with which the model cannot be built is left out.
 
     Args:
         problem: the problem.

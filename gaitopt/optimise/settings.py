@@ -19,8 +19,8 @@ class SearchSettings:
         raced_on: share of a population that is simulated in every scenario (see `Evaluator.race`).
         finalists: best gaits of the search among which fresh scenarios select the winner.
         correlation_gaits: random gaits over which planar and MuJoCo speeds are compared.
-        drift_ratio: a note says of baselines whose sideways speed over forward speed is above this that the
-            planar model does not describe them.
+        drift_ratio: if a baseline's sideways speed over forward speed is above this, a note says that the
+            planar model does not describe it.
     """
 
     study: StudySettings = field(default_factory=StudySettings)

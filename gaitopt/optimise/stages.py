@@ -13,7 +13,7 @@ from gaitopt.optimise.solvers.solver import Solver
 
 @dataclass(frozen=True)
 class FirstBatch:
-    """Quasi-random gaits before the first stage, where no plan says where to start.
+    """Quasi-random gaits before the first stage of a search without a plan.
 
     Attributes:
         share: share of the budget.
@@ -78,7 +78,7 @@ DEFAULT_METHOD = Method(
 
 
 def method_names() -> list[str]:
-    """Return the names that ``--method`` allows: the default search, and each solver alone."""
+    """Return the names that ``--method`` allows: the default search, and each solver by itself."""
     return [DEFAULT_METHOD.name, *SOLVERS]
 
 

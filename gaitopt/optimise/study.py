@@ -25,7 +25,7 @@ from gaitopt.optimise.solvers.surrogate import SurrogateSettings, most_promising
 from gaitopt.optimise.stages import DEFAULT_METHOD, Method, Stage
 
 LOWER = "lower"
-"""The rung of what was judged below the working fidelity; `Study.rungs` says how far below."""
+"""The rung of gaits judged below the working fidelity; `Study.rungs` says how far below."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class StudySettings:
 
     Attributes:
         spread: length of the first steps of a cold search, in units of the box.
-        planned_spread: the same where a plan says where to start.
+        planned_spread: the same for a search from a plan.
         ladder: when a cheaper rung may judge gaits.
         front: how the front of speed against cost of transport is searched.
         surrogate: how candidates are chosen.
@@ -70,7 +70,7 @@ class Study:
         evaluator: judges gaits at the working fidelity.
         budget: gaits to evaluate.
         seed: seed of all randomness.
-        rungs: the cheaper rungs that were measured, and whether the search went on with them.
+        rungs: the cheaper rungs that were measured, and whether the search used them.
     """
 
     def __init__(
@@ -180,7 +180,7 @@ class Study:
             self._climb(solver.name)
 
     def _costs(self, stage: Stage) -> Evaluate:
-        """Return what gives a solver the costs of its candidates."""
+        """Return the function that gives a solver the costs of its candidates."""
         solver = stage.solver
 
         def costs(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -191,10 +191,10 @@ class Study:
         return costs
 
     def _descending(self, stage: Stage) -> Evaluate:
-        """Return the same for a stage that goes on at a lower rung once its first population is judged.
+        """Return the same for a stage that uses a lower rung after its first population.
 
         The first population is judged at the working fidelity, and cheaper rungs are measured by it. The
-        solver compares costs within one population only, so costs of two rungs never meet.
+        solver compares costs within one population only, so costs of two rungs are never compared.
         """
         costs = self._costs(stage)
 
@@ -221,7 +221,7 @@ class Study:
     def _search_front(self) -> None:
         """Search for the cheapest gait, then for the fastest one under each of some limits of its cost.
 
-        Where there is no front yet, and so no limit on it, the search for the cheapest gait goes on.
+        Without a front there is no limit yet, and the search for the cheapest gait continues.
         """
         levels = self._settings.front.levels
         runs = 1 + levels
@@ -245,7 +245,7 @@ class Study:
         CmaEs().minimise(Minimisation(costs, box, start, spread, budget, rng, choose))
 
     def _chooser(self, aim: pareto.Aim) -> Choose:
-        """Return what chooses candidates by all evaluations so far on the rung that judges them."""
+        """Return the chooser of candidates, from all evaluations so far on the rung that judges them."""
 
         def choose(candidates: NDArray[np.float64], count: int) -> NDArray[np.float64]:
             known = at_rung(self.entries, self._rung)

@@ -82,7 +82,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class SweptPoint:
-    """What a gait achieves at one value of the parameter, on the nominal robot.
+    """The result of a gait at one value of the parameter, on the nominal robot.
 
     Attributes:
         name: the parameter and its value.

@@ -1,4 +1,4 @@
-"""Verification: gaits at the reference fidelity, in scenarios that the search never saw."""
+"""Verification: gaits at the reference fidelity, in scenarios that the search did not see."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Planned:
     Attributes:
         planner: the planar model; None for a cold search.
         plan: the plan; None for a cold search.
-        notes: why the search is cold, if it was not asked to be.
+        notes: why the search is cold, if a warm start was requested.
     """
 
     planner: Planner | None = None
@@ -71,7 +71,7 @@ def planned(problem: Problem, warm: bool, settings: PlanSettings) -> Planned:
 
     Args:
         problem: the problem.
-        warm: whether a warm start is asked for.
+        warm: whether a warm start is requested.
         settings: how hard to plan.
     """
     if not warm:
@@ -92,7 +92,7 @@ def best_elite(entries: Sequence[Entry], elites: Sequence[Elite]) -> Elite | Non
 
 
 def correlation(evaluator: Evaluator, planner: Planner | None, seed: int, count: int) -> Correlation:
-    """Return how well planar speeds rank random gaits as MuJoCo's do, on the nominal robot.
+    """Return how well planar speeds rank random gaits, compared with MuJoCo's, on the nominal robot.
 
     Args:
         evaluator: the evaluator of the search, for its robot, fidelity and executor.

@@ -139,9 +139,8 @@ def _set_attribute(root: ET.Element, path: str, template: str, parameter: Parame
     xpath, separator, attribute = path.rpartition("/@")
     if not separator or not re.fullmatch(_ATTRIBUTE, attribute, re.ASCII):
         raise bad_value(source, "path", path, "an XPath that ends in /@attribute")
-    if (
-        xpath.count("//") > _MOST_DESCENTS
-    ):  # each one multiplies the number of matches: 200 nested elements, 1e16 matches
+    # Each descent multiplies the number of matches: 200 nested elements give 1e16.
+    if xpath.count("//") > _MOST_DESCENTS:
         raise bad_value(source, "path", path, f"an XPath with // at most {_MOST_DESCENTS} times")
     try:
         elements = root.findall(xpath)

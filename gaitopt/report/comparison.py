@@ -1,4 +1,4 @@
-"""The report of a comparison: gaits side by side over the same scenarios."""
+"""The report of a comparison of gaits over the same scenarios."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def write_comparison(
         path: a new or empty folder.
         problem: the robot.
         gaits: the gaits, in the order of the rows.
-        rows: what the comparison found.
+        rows: the rows of the comparison.
         seed: seed of the scenarios.
     """
     with filled_folder(path, f"{problem.name}-compare") as folder:

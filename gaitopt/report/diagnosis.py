@@ -45,7 +45,7 @@ def write_page(
         problem: the nominal problem.
         diagnosis: the diagnosis.
         correction: the robot with the most probable explanation, blamed or not; None without one.
-        full: add what takes longer: a film of the robot beside the measured marker.
+        full: add the part that takes longer: a film of the robot with the measured marker.
     """
     film = _film(folder, problem, correction, diagnosis) if full else FilmPart()
     page = Page(
@@ -179,7 +179,7 @@ def _gap_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
 
 
 def _film(folder: Path, problem: Problem, correction: Correction | None, diagnosis: Diagnosis) -> FilmPart:
-    """Film the trial with the largest gap beside the measured marker."""
+    """Film the trial with the largest gap, with the measured marker."""
     from gaitopt.report.film.film import write_film
     from gaitopt.report.film.take import take_beside
 

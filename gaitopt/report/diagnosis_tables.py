@@ -14,7 +14,7 @@ from gaitopt.report.page import Table
 from gaitopt.robot.signals import unit_of
 
 _SHOWN = 8
-"""Rows of a table that shows the largest."""
+"""Number of rows of a table of the largest values."""
 
 
 def effects(diagnosis: Diagnosis) -> Table | None:
@@ -153,6 +153,6 @@ def floors(diagnosis: Diagnosis) -> Table:
 
 
 def _amount(value: float, unit: str) -> str:
-    """Return a length in mm or an angle in degrees; what rounds to nothing is 0."""
+    """Return a length in mm or an angle in degrees; a value that rounds to zero is 0."""
     scaled, shown = (1e3 * value, " mm") if unit == "m" else (math.degrees(value), "°")
     return f"{figure(scaled) if abs(scaled) >= 5e-3 else '0'}{shown}"

@@ -1,4 +1,4 @@
-"""Names as they are drawn into figures and films."""
+"""Names as drawn in figures and films."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WIDEST_IN_LEGEND = 15.0
 """The same in a legend of three columns."""
 
 _MOST_LETTERS = 200
-"""More than these are never as narrow as `WIDEST`; a name may have many thousands."""
+"""More letters than these are always wider than `WIDEST`; a name may have many thousands."""
 
 
 def drawable(name: str, widest: float = WIDEST) -> str:

@@ -1,4 +1,4 @@
-"""One self-contained HTML page: an answer, and sections of tables and figures that need no network."""
+"""One self-contained HTML page: an answer, and sections of tables and figures, without any network."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure before it is drawn: its title, what draws it, and what to see in it."""
+    """A figure before it is drawn: its title, the function that draws it, and its caption."""
 
     title: str
     draw: Callable[[], Figure]
@@ -87,9 +87,9 @@ class Page:
     Attributes:
         title: the title.
         answer: the result in a sentence or two.
-        asked: what was asked, by keyword.
-        tiles: the figures to remember, each with what it is.
-        notes: what the reader must know besides.
+        asked: the request, by keyword.
+        tiles: the most important figures, each with its meaning.
+        notes: what else the reader must know.
         sections: the parts in order.
     """
 
@@ -127,7 +127,7 @@ def typeset(text: str) -> Markup:
 
 
 def _anchors(sections: Sequence[Section]) -> list[str]:
-    """Return the anchor of each section, a different one for each, though titles hold names of any kind."""
+    """Return the anchor of each section, a different one for each, although titles contain any names."""
     anchors: list[str] = []
     for section in sections:
         anchor = section.anchor
@@ -159,7 +159,7 @@ def after_results(folder: Path, results: str, again: str = "") -> Iterator[None]
 
 
 def _shown(value: object) -> object:
-    """Return what a page shows of a value: a text is plain, however it came to the page."""
+    """Return a value as a page shows it: a text is always plain."""
     if isinstance(value, Markup):
         return Markup(plain(value))
     return plain(value) if isinstance(value, str) else value

@@ -1,4 +1,4 @@
-"""The report of a search: the winner beside the hand-tuned gaits, and how it was found."""
+"""The report of a search: the best gait compared with the hand-tuned gaits, and how it was found."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def write_report(
         problem: its problem.
         optimised: what was found.
         full: add what takes longer: a film of the winner.
-        sensitive: the sensitivities of its speed, where they were asked for.
+        sensitive: the sensitivities of its speed, if requested.
     """
     simulator, summary = Simulator.build(problem), Summary.of(problem, optimised)
     film = _film(folder.path, simulator, optimised, summary) if full else FilmPart()
@@ -86,7 +86,7 @@ def write_report(
 
 
 def _pictures(simulator: Simulator, optimised: Optimised, summary: Summary) -> dict[str, Picture]:
-    """Return the figures that every report has, and the front where it was asked for."""
+    """Return the figures that every report has, and the front if it was requested."""
     problem, best = simulator.problem, optimised.best.gait
     hand_tuned = {
         f"{name}, hand-tuned" if name == _BEST else name: gait for name, gait in problem.baselines.items()

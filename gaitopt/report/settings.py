@@ -9,15 +9,15 @@ from dataclasses import dataclass
 class FilmSettings:
     """How films look.
 
-    An MP4 is a film to look at once; a GIF or WebP repeats for ever, and compresses less well. So these
-    have smaller pictures, and as few of them as show the motion.
+    An MP4 plays once; a GIF or WebP repeats without end, and compresses less well. So these have smaller
+    pictures, and only as many as the motion needs.
 
     Attributes:
         size: width and height of one robot's picture in an MP4, pixels.
-        fps: pictures a second of an MP4.
+        fps: pictures per second of an MP4.
         loop_size: width and height of one robot's picture in a GIF or WebP, pixels.
-        loop_rates: rates that a GIF or WebP may have, pictures a second, rising.
-        pictures_per_cycle: fewest pictures of a cycle from which the motion can be read.
+        loop_rates: rates that a GIF or WebP may have, pictures per second, rising.
+        pictures_per_cycle: fewest pictures of a cycle that still show the motion.
         min_s: a film shows whole cycles that last at least this long, s.
         field_of_view_deg: vertical field of view of the camera.
         elevation_deg: low enough to see pads lift, high enough that the ground fills the picture.

@@ -25,8 +25,8 @@ def write_sweep(
     Args:
         path: a new or empty folder; by default a new one.
         problem: the robot.
-        points: the problem and the gait at each value, each under a name of its own.
-        rows: what the sweep found at each value.
+        points: the problem and the gait at each value, each with its own name.
+        rows: the result at each value.
     """
     with filled_folder(path, f"{problem.name}-sweep") as folder:
         write_text(folder / "sweep.json", to_json({"rows": [row.to_dict() for row in rows]}))

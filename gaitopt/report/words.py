@@ -30,7 +30,7 @@ def answer_of(summary: Summary) -> str:
 
 
 def verdicts(rows: Sequence[ComparedGait]) -> list[str]:
-    """Return one sentence for each gait after the first: how it differs, and whether by more than noise."""
+    """Return one sentence for each gait after the first: its difference, and if it is more than noise."""
     return [_verdict(row, rows[0].name) for row in rows[1:]]
 
 
@@ -60,12 +60,12 @@ def robot_text(problem: Problem) -> str:
 
 
 def fidelity_text(timestep_s: float, integrator: str) -> str:
-    """Return with which timestep and integrator something is simulated."""
+    """Return the timestep and integrator of a fidelity in words."""
     return f"at {figure(timestep_s)} s, {integrator}"
 
 
 def names_of(metrics: Iterable[str]) -> str:
-    """Return what some metrics are called."""
+    """Return the titles of some metrics."""
     return ", ".join(map(title_of, metrics))
 
 
@@ -80,7 +80,7 @@ def constraints_text(row: GaitRow | ComparedGait) -> str:
 
 
 def scenario_rule(objective: Objective) -> str:
-    """Return how costs of several scenarios become one, where it is not their mean."""
+    """Return how costs of several scenarios are combined, if not by their mean."""
     share = objective.worse_share
     if share is None:
         return ""

@@ -1,4 +1,4 @@
-"""CMA-ES: the global search. It needs a few hundred evaluations in ten dimensions to be worth them.
+"""CMA-ES: the global search. In ten dimensions it needs at least a few hundred evaluations.
 
 Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772; restarts with doubled populations
 after Auger and Hansen, "A Restart CMA Evolution Strategy With Increasing Population Size", 2005.
@@ -72,7 +72,7 @@ def _strategy(task: Minimisation, x0: Point, population: int) -> Any:
         "verb_log": 0,
     }
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # pycma warns of its own option checks
+        warnings.simplefilter("ignore")  # pycma warns about its own checks of options
         return cma.CMAEvolutionStrategy(x0, task.spread, options)
 
 

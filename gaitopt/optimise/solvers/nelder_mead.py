@@ -1,4 +1,4 @@
-"""Nelder–Mead: a local polish. Alone, in ten dimensions, it stops far from the best gait.
+"""Nelder–Mead: a local polish. Used alone in ten dimensions, it stops far from the best gait.
 
 Nelder and Mead, "A simplex method for function minimization", 1965, with the coefficients adapted to
 the dimension of Gao and Han, 2012, as SciPy has them.
@@ -63,7 +63,7 @@ class NelderMead:
 
 
 def _simplex(box: Box, x0: Point, edge: float, rng: np.random.Generator) -> Point:
-    """Return x0 and one further point along each axis, to a random side but never out of the box."""
+    """Return x0 and one further point along each axis, to a random side, but inside the box."""
     edges = edge * rng.choice([-1.0, 1.0], size=box.dimension)
     outside = (x0 + edges < box.low) | (x0 + edges > box.high)
     edges = np.where(outside, -edges, edges)

@@ -17,7 +17,7 @@ Choose = Callable[[Point, int], Point]
 
 @dataclass(frozen=True)
 class Minimisation:
-    """What a solver is to do.
+    """The task of a solver.
 
     Attributes:
         evaluate: costs of candidate points.
@@ -49,7 +49,7 @@ class Solver(Protocol):
 
     @property
     def stream(self) -> Stream:
-        """Its random stream; `Stream.SOLVER` for one that has no stream of its own."""
+        """Its random stream; `Stream.SOLVER` for a solver without a separate stream."""
         ...
 
     @property
@@ -68,7 +68,8 @@ class Solver(Protocol):
 def draws(solver: Solver, seed: int) -> np.random.Generator:
     """Return the random numbers of a solver in a run.
 
-    Solvers of `Stream.SOLVER` are told apart by their names, so that a new solver changes no draw of others.
+    Solvers of `Stream.SOLVER` have different draws by their names, so a new solver changes no draw of
+    others.
     """
     index = tuple(solver.name.encode()) if solver.stream is Stream.SOLVER else ()
     return generator(seed, solver.stream, *index)

@@ -1,8 +1,8 @@
 """A surrogate: it predicts which of many candidates are best from the evaluations near them.
 
-Radial basis functions interpolate the ranks of the costs. Ranks are used because one penalty is as large as
-a thousand differences in speed. The prediction is only as good as the evaluations near a candidate, so it
-chooses among candidates and never replaces an evaluation. What it gains: ``results/rivals``.
+Radial basis functions interpolate the ranks of the costs. Ranks are used because one penalty is as large as a
+thousand differences in speed. The prediction is only as good as the evaluations near a candidate, so it
+chooses among candidates and does not replace an evaluation. The gain is in ``results/rivals``.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ class SurrogateSettings:
     Attributes:
         neighbours: each candidate is judged by at most this many evaluated points; points further away say
             little about it.
-        smoothing: lets the interpolation miss its points a little, because near neighbours may differ by
-            chaos alone.
+        smoothing: lets the interpolation miss its points a little, because near neighbours may differ only by
+            chaos.
     """
 
     neighbours: int = 60

@@ -1,4 +1,4 @@
-"""Words on a picture: lengths as a person reads them, and a line at the top and the bottom."""
+"""Words on a picture: lengths in words, and a line at the top and the bottom."""
 
 from __future__ import annotations
 

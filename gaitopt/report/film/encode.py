@@ -16,7 +16,7 @@ def write_mp4(path: Path, pictures: Iterable[Image.Image], fps: float) -> None:
     Args:
         path: where to.
         pictures: pictures of one size; an odd last row or column is cut off, as H.264 needs even sizes.
-        fps: pictures a second, rounded to a whole number.
+        fps: pictures per second, rounded to a whole number.
     """
     import av
 
@@ -34,12 +34,12 @@ def write_mp4(path: Path, pictures: Iterable[Image.Image], fps: float) -> None:
 
 
 def write_loop(path: Path, pictures: Iterable[Image.Image], fps: float) -> None:
-    """Write a GIF or a WebP, by the suffix, that repeats for ever.
+    """Write a GIF or a WebP, by the suffix, that repeats without end.
 
     Args:
         path: where to; its suffix is ``.gif`` or ``.webp``.
         pictures: pictures of one size.
-        fps: pictures a second; each is shown for a whole number of milliseconds.
+        fps: pictures per second; each is shown for a whole number of milliseconds.
     """
     look = {"duration": round(1000 / fps), "loop": 0, "save_all": True}
     if path.suffix.lower() == ".gif":

@@ -31,7 +31,7 @@ def film_length(shown: Sequence[Take] | Sequence[Gait], settings: FilmSettings |
 
 
 def loop_rate(takes: Sequence[Take], settings: FilmSettings | None = None) -> float:
-    """Return the pictures a second of a GIF or WebP: as few as show a cycle of the fastest gait."""
+    """Return the pictures per second of a GIF or WebP: as few as show a cycle of the fastest gait."""
     settings = settings or defaults.DEFAULT.film
     wanted = settings.pictures_per_cycle / min(shown.block_s for shown in takes)
     return next((rate for rate in settings.loop_rates if rate >= wanted), settings.loop_rates[-1])
@@ -59,7 +59,7 @@ def write_film(
     """Write a film of one robot, or of several side by side, in the format that the suffix says.
 
     Args:
-        path: where to; ``.mp4`` (H.264), ``.gif`` or ``.webp`` (these two repeat for ever).
+        path: where to; ``.mp4`` (H.264), ``.gif`` or ``.webp`` (these two repeat without end).
         takes: who is shown, from left to right, all on the same clock.
         begin, end: gait times, s; `film_length` by default.
         settings: how it looks.

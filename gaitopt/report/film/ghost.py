@@ -41,8 +41,8 @@ class Ghost:
 def ghost_of(simulator: Simulator, trial: Trial, trajectory: Trajectory) -> Ghost:
     """Return the marker of a trial beside a rollout of the trial's drive.
 
-    A recording has an origin of its own: the ghost starts where the simulated marker is, in the mean over
-    its first block, so that a difference in speed shows as a growing distance.
+    The origin of a recording is unknown. So the ghost starts at the simulated marker's mean position over its
+    first block, and a difference in speed is seen as a growing distance.
 
     Args:
         simulator: the robot that was simulated.

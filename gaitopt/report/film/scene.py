@@ -91,7 +91,7 @@ class Scene:
         return Image.fromarray(np.ascontiguousarray(pixels[::-1]))
 
     def _add_stripes(self, seen: NDArray[np.float64]) -> None:
-        """Lay stripes across the ground, so that travel shows while the camera follows."""
+        """Lay stripes across the ground, so that travel is visible while the camera follows."""
         forward, left, up = self._shown.axes
         plane = _ground(self._model)
         if plane is None:
@@ -153,7 +153,7 @@ class Scene:
 
 
 def _lit(model: mujoco.MjModel, size: tuple[int, int], field_of_view_deg: float) -> mujoco.MjModel:
-    """Return a copy of a model that is lit evenly, on light ground without end."""
+    """Return a copy of a model that is lit evenly, on an endless light ground."""
     model = copy.copy(model)
     head = model.vis.headlight
     head.active, head.ambient[:], head.diffuse[:], head.specular[:] = 1, 0.5, 0.35, 0.0

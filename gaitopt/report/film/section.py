@@ -29,8 +29,8 @@ def film_part(folder: Path, name: str, title: str, caption: str, write: Callable
         name: name of the film's file, without suffix.
         title: title of its section.
         caption: what to see in it.
-        write: simulates what is filmed, and writes a WebP to a path. Where it fails, the
-            page has a note instead of a film.
+        write: simulates what is filmed, and writes a WebP to a path. If it fails, the page has a note instead
+            of a film.
     """
     try:
         path = write_into(folder, f"figures/{name}.webp", write)

@@ -33,7 +33,7 @@ class Take:
         period_s: the gait's period; None for commands without one.
         block_s: length of a block, a gait's cycle.
         speed_m_s: its mean forward speed; NaN where it is not known.
-        ghost: where the marker was measured, if that is to be shown.
+        ghost: the measured marker, if it is shown.
     """
 
     model: mujoco.MjModel

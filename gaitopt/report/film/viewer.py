@@ -1,4 +1,4 @@
-"""A motion on the screen, in MuJoCo's own viewer."""
+"""A motion on the screen, in MuJoCo's viewer."""
 
 from __future__ import annotations
 
