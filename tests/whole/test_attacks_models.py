@@ -383,3 +383,26 @@ def test_nothing_outside_the_folder_is_opened(tmp_path: Path) -> None:
         opened = Path("trace").read_text()
         assert opened.count("\n") > 50
         assert "elsewhere" not in opened
+
+
+ENDLESS_TABLES = {
+    "columns": lambda: "t_s," + ",".join(f"x{n}_deg" for n in range(200_000)) + "\n1,2\n",
+    "columns of one name": lambda: "t_s," + "x," * 200_000 + "\n1,2\n",
+    "a wide head over many rows": lambda: (
+        "t_s," + ",".join(f"x{n}_deg" for n in range(9_000)) + "\n1" * 200_000
+    ),
+    "lines": lambda: "t_s,x_m" + "\n" * 21_000_000,
+    "lines of other kinds": lambda: "t_s,x_m" + "\x0b" * 21_000_000,
+    "cells": lambda: "t_s,x_m\n" + "," * 21_000_000,
+}
+
+
+@pytest.mark.parametrize("attack", ENDLESS_TABLES)
+def test_a_table_without_end_is_one_line_in_time(tmp_path: Path, attack: str) -> None:
+    path = tmp_path / "walk.csv"
+    path.write_text(ENDLESS_TABLES[attack]())
+    with within(30):
+        refused(lambda: import_file(path, ImportOptions()))
+        table = read_csv(path) if attack.startswith("a wide") else None
+    if table is None:
+        refused(lambda: read_csv(path))

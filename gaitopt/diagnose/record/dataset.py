@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -101,7 +102,7 @@ def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> Data
         raise GaitoptError(f"{folder}: no {DATASET_FILE} there")
     file = validated(DataSetFile, read_toml(path), path)
     names = [entry.name for entry in file.trial]
-    repeated = next((name for name in names if names.count(name) > 1), None)
+    repeated = next((name for name, count in Counter(names).items() if count > 1), None)
     if repeated is not None:
         raise GaitoptError(f"{path}: trial {repeated!r} appears twice; allowed: one of each name")
     measurable = sorted(name for name in known if kind_of(name) in UNITS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,14 @@ from gaitopt.core.numbers import number
 
 _LARGEST = 1e12
 """No camera, clock or servo gives a larger number, in any unit."""
+
+_MOST_CELLS = 20_000_000
+"""A table of more cells or lines is refused: an hour at 240 frames a second in 20 columns has 17 million."""
+
+_MOST_COLUMNS = 10_000
+
+_LINE_ENDS = "\n\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029"
+"""What `str.splitlines` takes for the end of a line."""
 
 _MISSING = {"", "nan", "na", "n/a", "none", "null", "-"}
 
@@ -34,7 +43,7 @@ class TextTable:
     Attributes:
         source: the file.
         head: the columns' names.
-        rows: cells, as many in each row as there are names.
+        rows: cells; a row that is shorter than the names ends in blank cells.
         first_line: line of the file on which the first row stands, for messages.
         decimal: the decimal mark.
     """
@@ -56,7 +65,7 @@ class TextTable:
         index = self.head.index(name)
         numbers = np.empty(len(self.rows))
         for at, row in enumerate(self.rows):
-            numbers[at] = self._number(row[index], name, at)
+            numbers[at] = self._number(row[index], name, at) if index < len(row) else math.nan
         return numbers
 
     def _number(self, cell: str, name: str, row: int) -> float:
@@ -82,11 +91,21 @@ def read_rows(path: Path, delimiter: str = ",", lines: int | None = None) -> lis
         lines: how many lines to read; all by default.
 
     Raises:
-        GaitoptError: the file cannot be read, or is broken.
+        GaitoptError: the file cannot be read, is broken, or has too many cells.
     """
-    text = read_text(path).splitlines()[:lines]
+    text = read_text(path)
+    cells = sum(map(text.count, _LINE_ENDS)) + (text.count(delimiter) if lines is None else 0)
+    if cells > _MOST_CELLS:
+        raise GaitoptError(f"{path}: found {cells} cells and lines; allowed: at most {_MOST_CELLS}")
     try:
-        rows = list(csv.reader(text, delimiter=delimiter, skipinitialspace=delimiter != "\t", strict=False))
+        rows = list(
+            csv.reader(
+                text.splitlines()[:lines],
+                delimiter=delimiter,
+                skipinitialspace=delimiter != "\t",
+                strict=False,
+            )
+        )
     except csv.Error as error:
         raise GaitoptError(f"{path}: not a table: {error}") from None
     return [[cell.strip() for cell in row] for row in rows]
@@ -117,9 +136,12 @@ def table(path: Path, rows: Cells, head: Sequence[str], begin: int, decimal: str
     """Return the rows from index `begin` under the names `head`.
 
     Raises:
-        GaitoptError: there are no rows, a name is repeated, or a row is longer than the names.
+        GaitoptError: there are no rows or too many columns, a name is repeated, or a row is longer than
+            the names.
     """
-    repeated = next((name for name in head if name and list(head).count(name) > 1), None)
+    if len(head) > _MOST_COLUMNS:
+        raise GaitoptError(f"{path}: found {len(head)} columns; allowed: at most {_MOST_COLUMNS}")
+    repeated = next((name for name, count in Counter(head).items() if name and count > 1), None)
     if repeated is not None:
         raise GaitoptError(f"{path}: column {repeated!r} appears twice")
     filled = []
@@ -128,7 +150,7 @@ def table(path: Path, rows: Cells, head: Sequence[str], begin: int, decimal: str
             line = begin + index + 1
             raise GaitoptError(f"{path}: line {line}: {len(row)} cells under {len(head)} column names")
         if any(row):
-            filled.append([*row, *[""] * (len(head) - len(row))])
+            filled.append(row)
     if not filled:
         raise GaitoptError(f"{path}: no numbers under the column names")
     return TextTable(path, tuple(head), filled, begin + 1, decimal)
