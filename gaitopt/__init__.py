@@ -2,7 +2,7 @@
 
     from gaitopt import Problem, compare, diagnose, optimise, simulate
 
-What is listed here is the public face: it stays where it is when modules move inside the package. Each
+The names listed here are the public face: they stay here when modules move inside the package. Each
 name is loaded on first use, so that ``import gaitopt`` takes no time.
 """
 

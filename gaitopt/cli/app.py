@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     os.environ.setdefault("MPLBACKEND", "Agg")  # a command draws into files, never into windows
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a letter that a terminal lacks is no reason to stop
+        if isinstance(stream, io.TextIOWrapper):  # a letter that a terminal cannot show is no reason to stop
             stream.reconfigure(errors="backslashreplace")
     try:
         with interrupts_between_imports():
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         say_aside(f"gaitopt: {'terminated' if terminated else 'interrupted'}")
         return TERMINATED if terminated else INTERRUPTED
     except BrokenPipeError:
-        sys.stderr.close()  # the reader went away; nothing is left to tell it
+        sys.stderr.close()  # the reader has gone; no output can reach it
         return STATED_PROBLEM
     except OSError as problem:
         where = f"{problem.filename}: " if problem.filename else ""

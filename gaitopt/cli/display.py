@@ -1,4 +1,4 @@
-"""What a person reads on standard output: tables and sentences, in which names from files are only names."""
+"""Tables and sentences on standard output, in which names from files are only names."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def plain_console(stderr: bool = False) -> Console:
 
 
 def print_report(folder: Path | None) -> None:
-    """Print where the page of a run is, where there is one."""
+    """Print where the page of a run is, if there is one."""
     if folder is not None:
         say(f"report: {folder / 'report.html'}")
 
 
 def print_summary(summary: Summary) -> None:
-    """Print the best gait of a search beside the baselines."""
+    """Print the best gait of a search, with the baselines."""
     rows = []
     for row in [summary.best, *summary.baselines]:
         met = "met" if row.constraints_met else "violated"

@@ -1,4 +1,4 @@
-"""Lines that a person reads. Commands print with these alone, so that names from files are only names."""
+"""Lines for readers. Commands print only with these, so that names from files are only names."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from gaitopt.core.text import plain
 
 
 def say(line: object) -> None:
-    """Print a line; what a terminal would obey in it, such as an escape sequence, is escaped."""
+    """Print a line; control characters in it, such as an escape sequence, are escaped."""
     print(plain(line))
 
 
 def say_aside(line: object) -> None:
-    """Print a line on standard error, as `say` does: what is no result."""
+    """Print a line on standard error, as `say` does: a text that is not a result."""
     print(plain(line), file=sys.stderr)
 
 

@@ -1,4 +1,4 @@
-"""What a person sees on standard error while a job goes on: a bar on a terminal, lines elsewhere."""
+"""Progress on standard error while a job runs: a bar on a terminal, lines elsewhere."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _PLAIN_EVERY_S = 10.0
 
 
 def show_checks(step: Progress) -> None:
-    """Say which check begins."""
+    """Print which check begins."""
     say_aside(f"checking {step.stage} …")
 
 
 @contextmanager
 def search_display(quiet: bool) -> Iterator[OnSearchProgress]:
-    """Yield what a search calls as it goes on."""
+    """Yield the function that a search calls with its progress."""
     console = plain_console(stderr=True)
     if quiet:
         yield silent
@@ -77,7 +77,7 @@ def _plain_lines() -> OnSearchProgress:
 
 
 def _time_left(progress: SearchProgress, resumed: int, spent_s: float) -> str:
-    """Return how long the rest of the search takes at the pace so far, in words; nothing at its ends."""
+    """Return how long the rest of the search takes at the pace so far, in words; else nothing."""
     done, left = progress.done - resumed, progress.total - progress.done
     return f", about {spent_s * left / done:.0f} s left" if done > 0 and left > 0 else ""
 
@@ -95,7 +95,7 @@ def _words(text: str) -> TextColumn:
 
 @contextmanager
 def steps_display(quiet: bool) -> Iterator[OnProgress]:
-    """Yield what a diagnosis calls as it goes on: it counts the robots that have been simulated."""
+    """Yield the function that a diagnosis calls with its progress, the number of simulated robots."""
     console = plain_console(stderr=True)
     if quiet:
         yield silent

@@ -24,7 +24,7 @@ def check(
     settings: CheckSettings | None = None,
     on_progress: OnProgress = silent,
 ) -> list[Finding]:
-    """Check a model for what would make its gaits mean nothing on a real robot.
+    """Check a model for defects that make its gaits useless for a real robot.
 
     Args:
         problem: the problem.

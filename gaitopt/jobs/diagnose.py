@@ -34,9 +34,9 @@ class DiagnosisRun:
 
     Attributes:
         answer: the answer in one sentence.
-        explanation: what it rests on, a sentence each.
+        explanation: its evidence, one sentence each.
         folder: its run folder; None where nothing was written.
-        fresh: the diagnosis; None where it was finished before and only its answer was read.
+        fresh: the diagnosis; None if it was finished before and only its answer was read.
     """
 
     answer: str
@@ -79,13 +79,13 @@ class DiagnosisRun:
 
     @property
     def trials(self) -> Sequence[TrialGap]:
-        """Each trial beside the nominal prediction."""
+        """Each trial aligned with the nominal prediction."""
         return self.diagnosis.trials
 
 
 @dataclass(frozen=True)
 class Question:
-    """What a diagnosis depends on beside its executor.
+    """What a diagnosis depends on; the executor does not count.
 
     Attributes:
         simulator: the nominal robot.
@@ -118,7 +118,7 @@ class Question:
         """Return the diagnosis.
 
         Raises:
-            GaitoptError: a trial is too short, or none of the effects asked for can be tried.
+            GaitoptError: a trial is too short, or none of the requested effects can be tried.
         """
         return diagnosing.diagnose(self.simulator, self.dataset, self.request, executor, on_progress, cache)
 
@@ -150,8 +150,8 @@ def diagnose(
             or an executor.
         workers: robots simulated at once; all cores by default.
         out: a new or an empty folder for the run; nothing is left behind without it.
-        resume: the folder of an interrupted diagnosis to go on with, to the same bits.
-        on_progress: called as it goes on, with the number of robots simulated.
+        resume: the folder of an interrupted diagnosis to continue, with the same bits.
+        on_progress: called with the number of robots simulated.
 
     Raises:
         GaitoptError: the data set is wrong, an effect is unknown or none applies, or the folder is in use.

@@ -1,4 +1,4 @@
-"""The job `export`: a gait as a table and a player, once it walks in simulation."""
+"""The job `export`: a gait as a table and a player, after a simulation of both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The job `film`: gaits side by side, with the measured marker where there is one."""
+"""The job `film`: gaits side by side, with the measured marker if there is one."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def found_gait(problem: Problem, gait: Gait | str | Path, in_range: bool = True)
 
 
 def check_positive(option: str, value: float | None) -> None:
-    """Check that a number, where it is given, is positive and finite.
+    """Check that a number, if it is given, is positive and finite.
 
     Raises:
         GaitoptError: it is not.

@@ -78,7 +78,7 @@ class OptimiseRun:
 
 @dataclass(frozen=True)
 class _Asked:
-    """What was asked for of a search; None where it was left to the default, or to the run resumed."""
+    """The requested options of a search; None for the default, or that of the resumed run."""
 
     budget: int | None
     seed: int | None
@@ -88,7 +88,7 @@ class _Asked:
     out: Out
 
     def check_resumed(self, folder: Path | str) -> None:
-        """Check that nothing is asked for that a resumed run takes from its folder.
+        """Check that no option is set that a resumed run takes from its folder.
 
         Raises:
             GaitoptError: something is.
@@ -146,15 +146,15 @@ def optimise(
     resume: Path | str | None = None,
     on_progress: OnSearchProgress = silent,
 ) -> OptimiseRun:
-    """Search for the best gait of a problem and verify it beside the hand-tuned ones.
+    """Search for the best gait of a problem, and verify it and the hand-tuned ones.
 
-    The result depends on the problem, `seed`, `budget`, `method`, `warm_start` and `pareto` alone.
+    The result depends only on the problem, `seed`, `budget`, `method`, `warm_start` and `pareto`.
 
     Args:
         problem: the problem; not needed with `resume`, which takes it from the folder.
         budget: gaits to evaluate; 600 by default.
         seed: seed of all randomness; 1 by default.
-        method: ``default``, or a solver alone: ``cma-es`` or ``nelder-mead``.
+        method: ``default``, or one solver: ``cma-es`` or ``nelder-mead``.
         warm_start: whether to start from planned gaits, where the problem has a planar model; yes by
             default.
         pareto: whether to spend half of the budget on a front of speed against cost of transport.
@@ -164,8 +164,8 @@ def optimise(
             executor.
         workers: rollouts at once; all cores by default.
         out: a new or an empty folder for the run; nothing is left behind without it.
-        resume: the folder of an interrupted run to go on with, to the bits of an uninterrupted one; a
-            finished run whose page is missing gets its page, without another search.
+        resume: the folder of an interrupted run to continue, with the bits of an uninterrupted one. A
+            finished run without its page gets the page, without another search.
         on_progress: called as each batch of gaits ends.
 
     Raises:
@@ -199,7 +199,7 @@ def _in_memory(problem: Problem, request: Request, work: _Work) -> OptimiseRun:
 
 
 def _in_folder(run: Reopened, work: _Work) -> OptimiseRun:
-    """Do or go on with the work of a run. A finished one is only read, or gets the page that it lacks.
+    """Do or continue the work of a run. A finished one is only read, or gets the page that it lacks.
 
     The results are written before the page, so that no page that fails can cost a search.
     """

@@ -1,4 +1,4 @@
-"""The job `plan`: gaits of the reduced planar model alone."""
+"""The job `plan`: gaits of the reduced planar model, without MuJoCo."""
 
 from __future__ import annotations
 

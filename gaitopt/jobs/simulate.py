@@ -30,7 +30,7 @@ class Rollout:
         gait: the gait.
         trajectory: its time series.
         metrics: its metrics, by name.
-        takes: what its film shows, from left to right; empty where none was asked for.
+        takes: what its film shows, from left to right; empty if none was requested.
     """
 
     gait: Gait

@@ -15,10 +15,10 @@ from gaitopt.core.validation import validated
 from gaitopt.runs.folder import held, new_folder
 
 DIAGNOSIS_FILE = "diagnosis.json"
-"""What was found; the last of the results, so that it says that the diagnosis is finished."""
+"""The result; it is written last, so it shows that the diagnosis is finished."""
 
 CORRECTED_FILE = "corrected.toml"
-"""The problem with what was found switched on, where anything was."""
+"""The problem with the causes switched on, if any were found."""
 
 NEXT_FILE = "next.toml"
 """The gait to measure next."""
@@ -35,7 +35,7 @@ class _Printed(BaseModel):
 
 @dataclass(frozen=True)
 class FinishedDiagnosis:
-    """A diagnosis that was written, as its file has it.
+    """A diagnosis read from its file.
 
     Attributes:
         folder: its run folder.
@@ -73,7 +73,7 @@ def diagnosis_folder(out: Path | None, resumed: Path | None, name: str) -> Itera
 
     Args:
         out: the folder; a new one by default.
-        resumed: the folder of an interrupted diagnosis to go on with instead.
+        resumed: the folder of an interrupted diagnosis to continue instead.
         name: the problem's name.
 
     Raises:

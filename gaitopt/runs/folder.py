@@ -1,4 +1,4 @@
-"""Folders that a command fills: new or empty, locked while it works, each file whole or not at all."""
+"""Folders that a command fills: new or empty, locked meanwhile, each file complete or absent."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RUNS = Path("results") / "runs"
 """Where run folders go by default; git ignores it."""
 
 REQUEST_FILE = "run.toml"
-"""What was asked of a run of `optimise`."""
+"""The request of a run of `optimise`."""
 
 JOURNAL_FILE = "evaluations.csv"
 """The evaluations of a run of `optimise`."""

@@ -40,7 +40,7 @@ BEST_FILE = "best.toml"
 """The winner of a run, a gait file."""
 
 SUMMARY_FILE = "summary.json"
-"""The result of a run; it is the last of the results, so that it says that the search is finished."""
+"""The result of a run; it is written last, so it shows that the search is finished."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class Reopened:
     Attributes:
         folder: the folder, not locked yet.
         problem: the problem of the run.
-        request: what was asked for.
-        same_versions: whether it was made with the versions here, so that it can go on.
+        request: the request.
+        same_versions: whether it was made with the same versions, so that it can be resumed.
     """
 
     folder: RunFolder
@@ -185,7 +185,7 @@ class RunFolder:
 
     @property
     def has_page(self) -> bool:
-        """Whether the page was written, which is the last thing that a run does."""
+        """Whether the page was written, which is the last step of a run."""
         return (self.path / PAGE_FILE).is_file()
 
     def file(self, name: str, write: Callable[[Path], object]) -> Path:
@@ -202,7 +202,7 @@ class RunFolder:
                 folder.rmdir()
 
     def write_results(self, problem: Problem, optimised: Optimised) -> Summary:
-        """Write the best gait, the front if one was asked for, and the summary; return the summary."""
+        """Write the best gait, the front if one was requested, and the summary; return the summary."""
         summary = Summary.of(problem, optimised)
         self.file(BEST_FILE, lambda path: write_gait(path, optimised.best.gait))
         if optimised.request.pareto:

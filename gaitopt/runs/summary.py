@@ -17,7 +17,7 @@ from gaitopt.optimise.verification import Verified
 from gaitopt.problem.problem import Problem
 
 Figure = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
-"""A number that stands as null in the file where it is not finite; read back, it is NaN."""
+"""A number that is null in the file if it is not finite; read back, it is NaN."""
 
 
 class _Row(BaseModel):
@@ -39,7 +39,7 @@ class GaitRow(_Row):
         speed_m_s: mean forward speed, m/s.
         speed_ci90_m_s: 90 % interval of the mean, m/s.
         speed_worst_m_s: forward speed in the worst scenario, m/s.
-        stride_m: forward travel a period, m.
+        stride_m: forward travel per period, m.
         constraints_met: whether every simulation went well and every constraint holds.
         violations: constraints that do not hold, each with its excess in units of its scale.
         status: ``ok``, or why a scenario failed.
@@ -163,7 +163,7 @@ class Summary(_Row):
 
     Attributes:
         problem: name of the problem.
-        seed, budget, method: what was asked for.
+        seed, budget, method: the request.
         evaluations: gaits evaluated in the search.
         simulated_s: simulated seconds in all.
         wall_s: seconds it took.
@@ -171,7 +171,7 @@ class Summary(_Row):
         warm_start: the start from planned gaits; None for a cold search.
         over_scenarios: how costs of several scenarios become one.
         fidelity_ladder: cheaper rungs that were measured.
-        pareto: gaits of speed against cost of transport; None where they were not asked for.
+        pareto: gaits of speed against cost of transport; None if not requested.
         notes: what the user should know.
         best: the winner.
         verified: how the gaits were verified.

@@ -39,7 +39,7 @@ def add_options(parser: Parser) -> None:
 
 
 def run(options: Options) -> None:
-    """Diagnose or go on with a diagnosis, and print the answer."""
+    """Diagnose or continue a diagnosis, and print the answer."""
     from gaitopt.cli.progress import steps_display
     from gaitopt.jobs.diagnose import diagnose, is_finished
     from gaitopt.jobs.outputs import NUMBERED, Stopped
@@ -78,7 +78,7 @@ def _print_run(done: DiagnosisRun, as_json: bool) -> None:
 
 
 def _print_stopped(stop: Stopped, options: Options) -> None:
-    """Say how to go on with a diagnosis that Ctrl-C or SIGTERM ended."""
+    """Say how to continue a diagnosis that Ctrl-C or SIGTERM ended."""
     words = ["gaitopt", "diagnose", options.problem, options.dataset, "--resume", stop.folder]
     if options.effects:
         words += ["--effects", options.effects]

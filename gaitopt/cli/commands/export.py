@@ -36,7 +36,7 @@ def add_options(parser: Parser) -> None:
 
 
 def run(options: Options) -> None:
-    """Export, and print what the servos will make of the gait."""
+    """Export, and print the gait's speed as the servos play it."""
     from gaitopt.export.handover import Choices
     from gaitopt.jobs.export import export
 

@@ -43,7 +43,7 @@ def add_options(parser: Parser) -> None:
 
 
 def run(options: Options) -> None:
-    """Search or go on with a search, and print the result."""
+    """Search or continue a search, and print the result."""
     from gaitopt.cli.progress import search_display
     from gaitopt.jobs.optimise import optimise
     from gaitopt.jobs.outputs import NUMBERED, Stopped
@@ -87,7 +87,7 @@ def print_run(done: OptimiseRun, as_json: bool) -> None:
 
 
 def print_stopped(stop: Stopped) -> None:
-    """Say how to go on with a search that Ctrl-C or SIGTERM ended."""
+    """Say how to continue a search that Ctrl-C or SIGTERM ended."""
     path = shlex.quote(str(stop.folder))
     say_aside(f"gaitopt: stopped after {stop.done}; go on with: gaitopt optimise {path} --resume {path}")
 

@@ -1,4 +1,4 @@
-"""`gaitopt plan`: gaits of the reduced planar model alone."""
+"""`gaitopt plan`: gaits of the reduced planar model, without MuJoCo."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def add_options(parser: Parser) -> None:
 
 
 def run(options: Options) -> None:
-    """Plan, and print the planned gaits beside the baselines."""
+    """Plan, and print the planned gaits and the baselines."""
     from gaitopt.cli.display import print_rows
     from gaitopt.jobs.plan import plan
     from gaitopt.plan.plan import MISSES
