@@ -67,7 +67,8 @@ def _page(
 
 def _pictures(problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait]) -> dict[str, Picture]:
     names = [row.name for row in rows]
-    trajectories = rollouts(Simulator.build(problem), dict(zip(names, gaits, strict=True)))
+    known = [f"{name} ({n})" if names.count(name) > 1 else name for n, name in enumerate(names, 1)]
+    trajectories = rollouts(Simulator.build(problem), dict(zip(known, gaits, strict=True)))
     pictures = {
         "speeds": Picture(
             "Speed",
