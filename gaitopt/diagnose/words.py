@@ -75,7 +75,7 @@ def _before_after(gap: Gap) -> str:
 
 
 def _ranking(diagnosis: Diagnosis) -> list[str]:
-    """Return the most probable effects, which of them are alike, and what to measure next."""
+    """Return the most probable effects, which of them act similarly, and what to measure next."""
     found = diagnosis.found
     if found is None or found.best is None:
         return []

@@ -26,7 +26,7 @@ class Drive(Protocol):
 
     @property
     def key(self) -> str:
-        """Equal for two drives with the same commands, whatever their names."""
+        """Equal for two drives with the same commands, also if their names differ."""
 
     @property
     def period_s(self) -> float | None:

@@ -133,7 +133,7 @@ class Gait:
 
     @property
     def key(self) -> str:
-        """Equal for two gaits with the same commands, whatever their names."""
+        """Equal for two gaits with the same commands, also if their names differ."""
         return json.dumps(self.to_dict())
 
     @property

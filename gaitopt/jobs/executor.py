@@ -16,7 +16,7 @@ def opened(executor: Executor | str = "threads", workers: int | None = None) -> 
 
     Args:
         executor: ``threads``, ``processes``, ``serial``, ``dask://HOST:PORT``, or an executor. Results
-            are the same to the last bit, whatever it is.
+            are the same to the last bit with every executor.
         workers: how many rollouts run at once; as many as there are usable cores by default.
 
     Raises:

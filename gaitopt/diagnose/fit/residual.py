@@ -2,9 +2,9 @@
 
 A trial is averaged over bins of a block (a cycle, where there are cycles), its signals side by side in order
 of time. The covariance S of these bins says how far off a correct model may be. Its parts are the camera's
-noise, the change of the prediction with small errors (start pose, masses, timestep, cone), a smooth remainder
-of similar size, the differences between cycles, and the marker's free origin. With S = L L', the
-whitened residual
+noise, the differences between cycles, and the marker's free origin. Further parts are the change of the
+prediction with small errors (start pose, masses, timestep, cone), and a smooth remainder of similar size.
+With S = L L', the whitened residual
 
     z = L^-1 (measured - predicted)
 

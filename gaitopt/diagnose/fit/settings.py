@@ -59,8 +59,8 @@ class FitSettings:
             narrow valley shows that it is better only when simulated robots are near its minimum.
         hopeless: in each round, the last value for the rest, a hypothesis is dropped that leaves this many
             times the least loss.
-        alike: cosine from which two signatures are alike. A hypothesis whose signature is like that of the
-            best is not dropped: its parameter may still be too small.
+        alike: cosine from which two signatures count as similar. A hypothesis whose signature is like that of
+            the best is not dropped: its parameter may still be too small.
         tolerance: parameters closer than this share of the range are not simulated again.
         tolerance_measurement: the same for effects of the measurement: a tenth of a millisecond of a clock.
         aside: where the least loss is at a simulated robot, this share of the way to a neighbour is tried.
@@ -115,7 +115,7 @@ class PairSettings:
         right: see `batches`. A correct model leaves 1.
         rounds: rounds of each batch.
         targets: pairs of the same two effects, on other targets, at most.
-        alike: cosine from which two signatures are alike.
+        alike: cosine from which two signatures count as similar.
         twins: effects with the signature of one of the best pair that are tried in its place, at most.
         twin_rounds: rounds of these pairs.
         substitutes: effects that nearly do what one of the best pair does, and are fitted in its place, at

@@ -97,7 +97,7 @@ class OutlierSettings:
         range_share: and by more than this share of the range within a block.
         farthest: in each pass those are judged that are off by this share of the farthest; see `outliers`.
         near_frames: excursions of other cycles are at the same phase within this many frames.
-        alike: they are alike if they are at least this share of the excursion in size.
+        alike: they count as similar if they are at least this share of the excursion in size.
         recurring: an excursion is motion if it recurs in at least this share of the other cycles.
     """
 
