@@ -1,0 +1,36 @@
+"""A finished run, and one that was killed, for attacks on run folders."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from helpers import STRIDER
+
+from gaitopt.cli import app as cli
+
+
+@pytest.fixture(scope="session")
+def finished_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run of the strider."""
+    folder = tmp_path_factory.mktemp("attacked") / "run"
+    words = f"optimise {STRIDER} --budget 6 --seed 5 --no-warm-start --quiet --out {folder}"
+    assert cli.main(words.split()) == 0
+    return folder
+
+
+@pytest.fixture
+def finished(finished_folder: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    shutil.copytree(finished_folder, tmp_path / "run")
+    return tmp_path / "run"
+
+
+@pytest.fixture
+def unfinished(finished: Path) -> Path:
+    """The same, as if it had been killed after three gaits."""
+    for name in ("best.toml", "summary.json", "report.html"):
+        (finished / name).unlink()
+    shutil.rmtree(finished / "figures")
+    journal = finished / "evaluations.csv"
+    journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:4]))
+    return finished
