@@ -2,8 +2,10 @@
 
 import ast
 import ctypes
+import json
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -96,6 +98,24 @@ def test_no_figure_depends_on_a_clock_that_can_jump() -> None:
             assert called not in {"time.time", "datetime.now", "datetime.datetime.now", "time.localtime"}, (
                 path
             )
+
+
+def test_a_clock_that_jumps_changes_no_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every reading of every clock is another day, before or after the last."""
+    arguments = ["optimise", str(STRIDER), "--budget", "12", "--seed", "2", "--workers", "1", "--quiet"]
+    assert cli.main([*arguments, "--out", str(tmp_path / "steady")]) == 0
+    days = np.random.default_rng(3)
+    with monkeypatch.context() as patch:
+        for name in ("time", "monotonic", "perf_counter"):
+            patch.setattr(time, name, lambda: 86_400.0 * days.uniform(-1e4, 1e4))
+        assert cli.main([*arguments, "--out", str(tmp_path / "jumping")]) == 0
+    for name in ("evaluations.csv", "best.toml", "model.xml", "problem.toml", "run.toml"):
+        assert (tmp_path / "steady" / name).read_bytes() == (tmp_path / "jumping" / name).read_bytes(), name
+    steady, jumping = (
+        json.loads((tmp_path / name / "summary.json").read_text()) for name in ("steady", "jumping")
+    )
+    assert steady.pop("wall_s") != jumping.pop("wall_s")
+    assert steady == jumping
 
 
 def test_too_little_memory_is_one_line_and_writes_nothing(tmp_path: Path) -> None:

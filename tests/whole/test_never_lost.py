@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import STRIDER
+from helpers import STRIDER, edited, problem_folder
 
 from gaitopt.cli import app as cli
 from gaitopt.core.interrupts import interrupts_between_imports, interrupts_held
@@ -90,6 +90,8 @@ def test_a_killed_run_is_resumed_to_the_same_bits(whole: Path, tmp_path: Path, m
     once(lambda: MOMENTS[moment](folder), process)
     process.kill()
     process.communicate()
+    assert process.returncode == -signal.SIGKILL, "it ended before it was killed"
+    assert not (folder / "report.html").exists()
     again = ("optimise", folder, "--resume", folder, "--quiet")
     assert here(*(again if (folder / "run.toml").exists() else command)) == 0
     assert result(folder) == result(whole)
@@ -124,19 +126,59 @@ def test_ctrl_c_ends_worker_processes_in_silence(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_at_any_moment_is_one_clean_end(tmp_path: Path) -> None:
-    """From the first import of a command on; work that cannot be interrupted at once is interrupted soon."""
+    """From the first import of a command on; `test_kills.py` has the stages of the work after them."""
     begun = [sys.executable, "-c", GAITOPT[-1].replace("; ", "; print(flush=True); ")]
     rng = np.random.default_rng(7)
-    for index, delay in enumerate(rng.uniform(0.0, 2.2, 3)):
+    for index, delay in enumerate(rng.uniform(0.03, 0.6, 4)):
         folder = tmp_path / f"run-{index}"
         process = start("optimise", STRIDER, *BUDGET, "--out", folder, "--quiet", program=begun)
         assert process.stdout is not None
         process.stdout.readline()
         time.sleep(delay)
+        assert process.poll() is None
         os.killpg(process.pid, signal.SIGINT)
         _, err = process.communicate(timeout=PATIENCE_S)
-        assert "Traceback" not in err
-        assert process.returncode in (0, 130)
+        assert process.returncode == 130
+        assert err.splitlines()[-1] == "gaitopt: interrupted"
+        assert all(line.startswith("gaitopt: ") for line in err.splitlines()), err
+        assert folder.exists() == (rows(folder) > 0)
+
+
+def test_sigterm_at_any_moment_is_one_clean_end(tmp_path: Path) -> None:
+    """As a service manager or a batch system sends it, to worker processes too."""
+    for index, executor in enumerate(("threads", "processes")):
+        folder = tmp_path / f"run-{index}"
+        process = start(
+            "optimise", STRIDER, *BUDGET, "--executor", executor, "--out", folder, "--quiet", "--budget", 400
+        )
+        once(lambda folder=folder: rows(folder) > 8, process)  # type: ignore[misc]
+        os.killpg(process.pid, signal.SIGTERM)
+        _, err = process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == 143
+        said, last = err.splitlines()
+        assert said.startswith("gaitopt: stopped after ")
+        assert f"gaitopt optimise {folder} --resume {folder}" in said
+        assert last == "gaitopt: terminated"
+        assert not (folder / ".lock").exists()
+
+
+def edit_mass(folder: Path) -> None:
+    edited(folder / "problem.toml", "value = 0.03\n", "value = 0.06\n")
+
+
+def test_the_run_folders_own_problem_decides_when_a_search_goes_on(tmp_path: Path) -> None:
+    """The problem that it was made from may have changed since, or be gone."""
+    robot = problem_folder(tmp_path / "robot", STRIDER)
+    whole, folder = tmp_path / "whole", tmp_path / "run"
+    assert here("optimise", robot, *BUDGET, "--out", whole, "--quiet") == 0
+    process = start("optimise", robot, *BUDGET, "--out", folder, "--quiet")
+    once(lambda: rows(folder) > 8, process)
+    process.kill()
+    process.communicate()
+    assert process.returncode == -signal.SIGKILL
+    edit_mass(robot)
+    assert here("optimise", robot, "--resume", folder, "--quiet") == 0
+    assert result(folder) == result(whole)
 
 
 def test_ctrl_c_waits_for_the_end_of_an_import(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
