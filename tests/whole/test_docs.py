@@ -99,6 +99,7 @@ def film_of_a_robot(path: Path) -> None:
     write_text(path, f"mass_A\nt\tx\ty\n{rows}\n")
 
 
+@pytest.mark.slow
 @needs_opengl
 @pytest.mark.usefixtures("workplace")
 def test_the_readmes_commands() -> None:
@@ -109,6 +110,7 @@ def test_the_readmes_commands() -> None:
         execute(command)
 
 
+@pytest.mark.slow
 @needs_opengl
 @pytest.mark.usefixtures("workplace")
 def test_the_tutorials_commands() -> None:
@@ -121,6 +123,7 @@ def test_the_tutorials_commands() -> None:
     assert list(Path("player").iterdir())
 
 
+@pytest.mark.slow
 @needs_opengl
 @pytest.mark.usefixtures("workplace")
 def test_the_api_pages_examples(quick: Problem, capsys: pytest.CaptureFixture[str]) -> None:
@@ -148,6 +151,7 @@ def test_the_api_pages_examples(quick: Problem, capsys: pytest.CaptureFixture[st
     assert (Path("found") / "corrected.toml").is_file()
 
 
+@pytest.mark.slow
 @needs_opengl
 @pytest.mark.usefixtures("workplace")
 def test_the_examples_of_the_help() -> None:
