@@ -131,8 +131,12 @@ def page(rows: list[dict], seed: int) -> str:
         "is random among the first half of the stage's ticks: its call, each start of a rollout, and each "
         "moment before a written file gets its name.",
         "",
-        f"Made by `python tests/studies/kill_resume.py --cases {max(count.values())} --seed {seed} --out "
-        f"results/kill-resume` in {sum(row['seconds'] for row in rows) / 60.0:.1f} minutes of a busy core.",
+        f"Made with seed {seed} in {sum(row['seconds'] for row in rows) / 60.0:.1f} minutes of a busy core by "
+        + " and ".join(
+            f"`python tests/studies/kill_resume.py --job {job} --cases {count[job]} --out results/kill-resume`"
+            for job in JOBS
+        )
+        + "; with more cases it adds those that are missing.",
         "",
         "| job | killed in | kills | landed | same bits at the end | different moments | at |",
         "|---|---|---|---|---|---|---|",
