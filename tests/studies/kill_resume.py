@@ -117,7 +117,7 @@ def tabulated(rows: list[dict]) -> list[dict]:
 def page(rows: list[dict], seed: int) -> str:
     """Return the README of the results folder."""
     table, count = tabulated(rows), Counter(row["job"] for row in rows)
-    same = sum(row["same"] for row in rows)
+    same, minutes = sum(row["same"] for row in rows), sum(row["seconds"] for row in rows) / 60.0
     lines = [
         "# Kill and resume",
         "",
@@ -131,9 +131,10 @@ def page(rows: list[dict], seed: int) -> str:
         "is random among the first half of the stage's ticks: its call, each start of a rollout, and each "
         "moment before a written file gets its name.",
         "",
-        f"Made with seed {seed} in {sum(row['seconds'] for row in rows) / 60.0:.1f} minutes of a busy core by "
+        f"Made with seed {seed} in {minutes:.1f} minutes of a busy core by "
         + " and ".join(
-            f"`python tests/studies/kill_resume.py --job {job} --cases {count[job]} --out results/kill-resume`"
+            f"`python tests/studies/kill_resume.py --job {job} --cases {count[job]} "
+            "--out results/kill-resume`"
             for job in JOBS
         )
         + "; with more cases it adds those that are missing.",
