@@ -32,7 +32,7 @@ def _obstacles(item: pytest.Item) -> Iterator[str]:
 def main() -> int:
     """Collect all tests and print name, file and obstacles of each."""
     plugin = _Collected()
-    options = ["--collect-only", "-p", "no:cacheprovider", "-p", "no:terminal"]
+    options = ["--collect-only", "-p", "no:cacheprovider", "-p", "no:terminal", "-n", "0", "-m", ""]
     code = pytest.main([*options, str(Path(__file__).parent)], plugins=[plugin])
     rows = [
         {
