@@ -259,7 +259,8 @@ def _stoppable(cache: SimulationCache, folder: Path) -> Iterator[None]:
     try:
         yield
     except BaseException as stop:
-        if not cache.count:
+        begun = cache.count > 0 or (folder / DIAGNOSIS_FILE).is_file()
+        if not begun:
             cache.clear()  # an empty folder would keep the run folder from being removed
         elif isinstance(stop, KeyboardInterrupt):
             raise Stopped(f"{cache.count} robots", folder) from stop
