@@ -38,4 +38,13 @@ def running_cluster(folder: Path) -> Iterator[str]:
         for process in reversed(running):
             process.send_signal(signal.SIGINT)
         for process in running:
-            process.wait(20.0)
+            end(process)
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    """Wait for a process that was interrupted; one that was still starting may have missed it."""
+    try:
+        process.wait(10.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait(10.0)
