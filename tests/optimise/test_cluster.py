@@ -95,9 +95,8 @@ SILENT = {
 
 @pytest.mark.parametrize("kind", SILENT)
 def test_a_peer_that_does_not_answer_is_one_line_in_time(kind: str) -> None:
-    with serving(SILENT[kind]) as address:
-        with pytest.raises(GaitoptError) as error:
-            DaskExecutor(address, ClusterSettings(answer_s=1.0))
+    with serving(SILENT[kind]) as address, pytest.raises(GaitoptError) as error:
+        DaskExecutor(address, ClusterSettings(answer_s=1.0))
     assert str(error.value) == f"--executor: no dask scheduler answers at dask://{address}"
 
 
