@@ -15,7 +15,7 @@ from gaitopt.core.validation import validated
 from gaitopt.runs.folder import held, new_folder
 
 DIAGNOSIS_FILE = "diagnosis.json"
-"""The result; it is written last, so it shows that the diagnosis is finished."""
+"""The result, written before its page: it shows that the diagnosis is finished."""
 
 CORRECTED_FILE = "corrected.toml"
 """The problem with the causes switched on, if any were found."""

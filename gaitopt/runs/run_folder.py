@@ -40,7 +40,7 @@ BEST_FILE = "best.toml"
 """The winner of a run, a gait file."""
 
 SUMMARY_FILE = "summary.json"
-"""The result of a run; it is written last, so it shows that the search is finished."""
+"""The result of a run, the last one before its page: it shows that the search is finished."""
 
 
 @dataclass(frozen=True)
