@@ -10,20 +10,31 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+Process = subprocess.Popen[bytes]
+
 ROOT = Path(__file__).parents[1]
 HERE = (ROOT, ROOT / "tests", ROOT / "tests" / "optimise")
 """Where its workers find the package, the helpers and the calls that tests send."""
 
 
-@contextmanager
-def running_cluster(folder: Path) -> Iterator[str]:
-    """The address of a dask scheduler on loopback with two workers, each its own process."""
+def start_cluster(folder: Path, nanny: bool = True, workers: int = 2) -> tuple[str, list[Process]]:
+    """Start a dask scheduler on loopback and its workers, each its own process.
+
+    Args:
+        folder: where their files go.
+        nanny: whether a worker that dies is started again.
+        workers: how many.
+
+    Returns:
+        The address, and the processes, the scheduler's first.
+    """
     file = folder / "scheduler.json"
     begin = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
     work = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file)]
+    work += ["--nworkers", "1"] if nanny else ["--no-nanny"]
     commands = [
         [*begin, "--scheduler-file", str(file), "--no-dashboard"],
-        *[[*work, "--nthreads", "1", "--nworkers", "1", "--no-dashboard"]] * 2,
+        *[[*work, "--nthreads", "1", "--no-dashboard"]] * workers,
     ]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, HERE))}
     with (folder / "log").open("w") as log:
@@ -33,7 +44,19 @@ def running_cluster(folder: Path) -> Iterator[str]:
         while not file.exists():
             assert time.monotonic() < until, (folder / "log").read_text()
             time.sleep(0.05)
-        yield json.loads(file.read_text())["address"].removeprefix("tcp://")
+    except BaseException:
+        for process in running:
+            process.kill()
+        raise
+    return json.loads(file.read_text())["address"].removeprefix("tcp://"), running
+
+
+@contextmanager
+def running_cluster(folder: Path) -> Iterator[str]:
+    """The address of a dask scheduler with two workers; it is ended as a user would."""
+    address, running = start_cluster(folder)
+    try:
+        yield address
     finally:
         for process in reversed(running):
             process.send_signal(signal.SIGINT)
@@ -41,7 +64,7 @@ def running_cluster(folder: Path) -> Iterator[str]:
             end(process)
 
 
-def end(process: subprocess.Popen[bytes]) -> None:
+def end(process: Process) -> None:
     """Wait for a process that was interrupted; one that was still starting may have missed it."""
     try:
         process.wait(10.0)

@@ -1,6 +1,5 @@
 """An address without a cluster, a silent cluster, or one that loses its workers: one line, in time."""
 
-import json
 import os
 import signal
 import socket
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cluster import start_cluster
 from helpers import ROBOTS
 
 from gaitopt.cli import app as cli
@@ -22,8 +22,6 @@ from gaitopt.optimise.cluster import ClusterSettings, DaskExecutor
 from gaitopt.optimise.executors import open_executor
 
 pytest.importorskip("distributed", reason="dask.distributed (the extra `cluster`) is not installed")
-
-HERE = (Path(__file__).parents[2], Path(__file__).parents[1], Path(__file__).parent)
 
 GREETING = (
     b":\0\0\0\0\0\0\0\1\0\0\0\0\0\0\0*\0\0\0\0\0\0\0"
@@ -147,22 +145,8 @@ def test_help_says_that_an_address_must_be_trusted(capsys: pytest.CaptureFixture
 @contextmanager
 def cluster(folder: Path, workers: int = 2) -> Iterator[tuple[str, list[int]]]:
     """A scheduler and workers that are not restarted: its address, the workers' process ids."""
-    file = folder / "scheduler.json"
-    begin = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
-    work = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file), "--no-nanny"]
-    commands = [
-        [*begin, "--scheduler-file", str(file), "--no-dashboard"],
-        *[[*work, "--nthreads", "1", "--no-dashboard"]] * workers,
-    ]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, HERE))}
-    with (folder / "log").open("w") as log:
-        running = [subprocess.Popen(c, cwd=folder, stdout=log, stderr=log, env=environment) for c in commands]
+    address, running = start_cluster(folder, nanny=False, workers=workers)
     try:
-        until = time.monotonic() + 30.0
-        while not file.exists():
-            assert time.monotonic() < until, (folder / "log").read_text()
-            time.sleep(0.05)
-        address = json.loads(file.read_text())["address"].removeprefix("tcp://")
         yield address, [process.pid for process in running]
     finally:
         for process in running:
