@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
 from gaitopt.core.quantities import figure
 from gaitopt.problem.problem import Problem
@@ -32,10 +31,10 @@ def write_audit(path: Path | None, problem: Problem, findings: Sequence[Finding]
     """
     with filled_folder(path, f"{problem.name}-check") as folder:
         content = to_json({"findings": [finding.to_dict() for finding in findings]})
-        write_into(folder, "check.json", lambda file: write_text(file, content))
+        write_into(folder, "check.json", content)
         with after_results(folder, "check.json"):
             html = _page(folder, problem, findings).html()
-            write_into(folder, PAGE_FILE, lambda file: write_text(file, html))
+            write_into(folder, PAGE_FILE, html)
     return folder
 
 

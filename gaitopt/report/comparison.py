@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
 from gaitopt.core.quantities import figure
 from gaitopt.gait.gait import Gait
@@ -36,10 +35,10 @@ def write_comparison(
     """
     with filled_folder(path, f"{problem.name}-compare") as folder:
         content = to_json({"rows": [row.to_dict() for row in rows]})
-        write_into(folder, "compare.json", lambda file: write_text(file, content))
+        write_into(folder, "compare.json", content)
         with after_results(folder, "compare.json"):
             html = _page(folder, problem, gaits, rows, seed).html()
-            write_into(folder, PAGE_FILE, lambda file: write_text(file, html))
+            write_into(folder, PAGE_FILE, html)
     return folder
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from gaitopt.core.files import write_text
 from gaitopt.core.quantities import figure
 from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis
@@ -69,7 +68,7 @@ def write_page(
             folded(Section("The floor", table=tables.floors(diagnosis))),
         ],
     )
-    write_into(folder, PAGE_FILE, lambda file: write_text(file, page.html()))
+    write_into(folder, PAGE_FILE, page.html())
 
 
 def _with_table(title: str, table: Table | None) -> list[Section]:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
 from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.words import answer, explanation
-from gaitopt.gait.gait import write_gait
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem
 from gaitopt.report.diagnosis import write_page
@@ -42,10 +40,10 @@ def write_diagnosis(
     write_problem(folder, problem, nominal_mjcf(problem))
     if correction and diagnosis.found and diagnosis.found.causes:
         text = correction.problem.to_toml(MODEL_FILE)
-        write_into(folder, CORRECTED_FILE, lambda file: write_text(file, text))
+        write_into(folder, CORRECTED_FILE, text)
     if diagnosis.experiment is not None:
         gait = diagnosis.experiment.gait
-        write_into(folder, NEXT_FILE, lambda file: write_gait(file, gait))
-    write_into(folder, DIAGNOSIS_FILE, lambda file: write_text(file, to_json(content)))
+        write_into(folder, NEXT_FILE, gait.to_toml())
+    write_into(folder, DIAGNOSIS_FILE, to_json(content))
     with after_results(folder, DIAGNOSIS_FILE, "the same command with --resume and this folder"):
         write_page(folder, problem, diagnosis, correction, full)

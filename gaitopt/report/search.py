@@ -7,7 +7,6 @@ from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
-from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
 from gaitopt.core.quantities import figure
 from gaitopt.optimise.ladder import LadderSettings, Rung
@@ -63,7 +62,7 @@ def write_report(
     pictures = _pictures(simulator, optimised, summary) | _sensitivity_pictures(sensitive)
     if sensitive:
         rows = [asdict(one) for one in sensitive]
-        folder.file("sensitivity.json", lambda path: write_text(path, to_json({"rows": rows})))
+        folder.file("sensitivity.json", to_json({"rows": rows}))
     page = Page(
         title=f"{problem.name}: optimised gait against hand-tuned gaits",
         answer=answer_of(summary),
@@ -79,7 +78,7 @@ def write_report(
             Section("What next", commands=_next_commands(folder.path)),
         ],
     )
-    folder.file(PAGE_FILE, lambda path: write_text(path, page.html()))
+    folder.file(PAGE_FILE, page.html())
 
 
 # --- figures ------------------------------------------------------------------------------------

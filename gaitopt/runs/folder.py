@@ -122,13 +122,13 @@ def remove_half_written(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def write_into(folder: Path, name: str, write: Callable[[Path], object]) -> Path:
+def write_into(folder: Path, name: str, content: str | Callable[[Path], object]) -> Path:
     """Write one file of a folder whole or not at all, and return its path.
 
     Args:
         folder: the folder.
         name: name of the file, in the folder or in a folder inside it, which is made if need be.
-        write: fills the file at the path that it is given.
+        content: its text, or what fills a file at the path that it is given.
 
     Raises:
         GaitoptError: it cannot be written.
@@ -136,14 +136,17 @@ def write_into(folder: Path, name: str, write: Callable[[Path], object]) -> Path
     path = folder / name
     if path.parent != folder:
         make_own_folder(path.parent)
-    write_with(path, write)
+    if isinstance(content, str):
+        write_text(path, content)
+    else:
+        write_with(path, content)
     return path
 
 
 def write_problem(folder: Path, problem: Problem, model: str) -> None:
     """Write the nominal model, an MJCF, and a problem file that points to it: the folder is a problem."""
-    write_into(folder, MODEL_FILE, lambda path: write_text(path, model))
-    write_into(folder, PROBLEM_FILE, lambda path: write_text(path, problem.to_toml(MODEL_FILE)))
+    write_into(folder, MODEL_FILE, model)
+    write_into(folder, PROBLEM_FILE, problem.to_toml(MODEL_FILE))
 
 
 def check_free(path: Path | None) -> None:

@@ -6,17 +6,15 @@ import hashlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 
 import tomli_w
 
 from gaitopt.core.errors import GaitoptError, bad_value
-from gaitopt.core.files import read_bytes, read_toml, write_text, write_with
+from gaitopt.core.files import read_bytes, read_toml, write_with
 from gaitopt.core.json import to_json
 from gaitopt.core.own_files import check_folder, check_own
 from gaitopt.core.versions import versions
-from gaitopt.gait.gait import write_gait
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import Optimised, Request
 from gaitopt.problem.model import model_assets, nominal_mjcf
@@ -92,7 +90,7 @@ class RunFolder:
                 folder._write_asset(name, data)
             write_problem(path, problem, model)
             content = asdict(request) | versions()
-            folder.file(REQUEST_FILE, lambda file: write_text(file, tomli_w.dumps(content)))
+            folder.file(REQUEST_FILE, tomli_w.dumps(content))
         except BaseException:
             folder.discard()
             folder._lock.release()
@@ -188,9 +186,9 @@ class RunFolder:
         """Whether the page was written, which is the last step of a run."""
         return (self.path / PAGE_FILE).is_file()
 
-    def file(self, name: str, write: Callable[[Path], object]) -> Path:
-        """Write one file of the run whole or not at all, and return its path."""
-        return write_into(self.path, name, write)
+    def file(self, name: str, content: str | Callable[[Path], object]) -> Path:
+        """Write one file of the run whole or not at all, and return its path; see `write_into`."""
+        return write_into(self.path, name, content)
 
     def discard(self) -> None:
         """Remove the folder with what the run wrote into it, and nothing else."""
@@ -204,13 +202,13 @@ class RunFolder:
     def write_results(self, problem: Problem, optimised: Optimised) -> Summary:
         """Write the best gait, the front if one was requested, and the summary; return the summary."""
         summary = Summary.of(problem, optimised)
-        self.file(BEST_FILE, lambda path: write_gait(path, optimised.best.gait))
+        self.file(BEST_FILE, optimised.best.gait.to_toml())
         if optimised.request.pareto:
-            self.file("pareto.csv", lambda path: write_text(path, front_csv(problem, optimised.front)))
+            self.file("pareto.csv", front_csv(problem, optimised.front))
         for found in optimised.front:
             gait = found.verified.gait
-            self.file(f"pareto/{gait.name}.toml", partial(write_gait, gait=gait))
-        self.file(SUMMARY_FILE, lambda path: write_text(path, to_json(summary.to_dict())))
+            self.file(f"pareto/{gait.name}.toml", gait.to_toml())
+        self.file(SUMMARY_FILE, to_json(summary.to_dict()))
         return summary
 
     def _write_asset(self, name: str, data: bytes) -> None:

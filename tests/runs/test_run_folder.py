@@ -1,6 +1,10 @@
 """The run folder: nothing is left of a run that did nothing, no result is lost, one run at a time."""
 
+import errno
+import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 from searching import run
@@ -9,6 +13,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import Request
 from gaitopt.problem.problem import Problem
+from gaitopt.runs.folder import write_into
 from gaitopt.runs.run_folder import RunFolder
 
 
@@ -53,3 +58,20 @@ def test_two_runs_into_one_folder_are_refused(strider: Problem, tmp_path: Path) 
         with pytest.raises(GaitoptError, match="already holds a run"):
             RunFolder.create(path, strider, Request())
         assert sorted(p.name for p in path.iterdir()) == before
+
+
+def _full(*_: object) -> NoReturn:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize("content", ["text", _full])
+def test_a_file_that_cannot_be_written_is_named_as_it_was_to_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: str | Callable[[Path], object]
+) -> None:
+    """And not by the name of the temporary file."""
+    monkeypatch.setattr(Path, "write_bytes", _full)
+    with pytest.raises(GaitoptError) as caught:
+        write_into(tmp_path, "figures/check.json", content)
+    file = tmp_path / "figures" / "check.json"
+    assert str(caught.value) == f"{file}: cannot be written: No space left on device"
+    assert list(file.parent.iterdir()) == []

@@ -59,6 +59,7 @@ def test_a_disk_that_is_full_in_any_stage_is_one_line_and_nothing_is_lost(
         assert ended.err.startswith(f"gaitopt: {disk / 'run'}"), stage
         assert ended.err.count("\n") == 1, stage
         assert NO_SPACE in ended.err, stage
+        assert "/." not in ended.err.replace("/.lock", ""), stage  # a name that the user has not seen
     assert result(filled.folder) == result(whole.folder)
 
 
@@ -91,6 +92,7 @@ def test_a_full_disk_ends_a_command_in_one_line_and_nothing_is_left(
     assert line.startswith("gaitopt: ")
     assert str(disk / "out") in line
     assert NO_SPACE in line
+    assert "/." not in line  # a name that the user has not seen
     assert all(progress.endswith(" …") for progress in said)
     assert [path.name for path in disk.iterdir()] == ["filler"]
     (disk / "filler").unlink()
