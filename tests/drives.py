@@ -24,6 +24,7 @@ class Sampled:
     name: str = "log"
     period_s: None = None
     block_s: float = 0.5
+    start: None = None
 
     @property
     def key(self) -> str:

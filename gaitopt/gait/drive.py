@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Commands = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""What is sent to the servos, rad, shape (n, nu), at gait times on the simulation's clock, s, shape (n,)."""
+"""What is sent to the servos, rad, shape (n, nu), at gait times on the simulation's clock, s, shape (n,).
+
+NaN: the servo is unpowered. What changes commands keeps NaN where it is.
+"""
 
 
 @runtime_checkable
@@ -40,5 +43,9 @@ class Drive(Protocol):
     def duration_s(self) -> float | None:
         """How long it lasts, s; None where it has no end."""
 
+    @property
+    def start(self) -> Mapping[str, float] | None:
+        """Angle at which joints rest at gait time 0, rad by name; None for the problem's start."""
+
     def targets(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Return the joint targets at gait times t, s, shape (n,): rad, shape (n, nu)."""
+        """Return the joint targets at gait times t, s, shape (n,): rad, shape (n, nu); NaN: unpowered."""

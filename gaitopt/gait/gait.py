@@ -146,6 +146,11 @@ class Gait:
         """None: a gait has no end."""
         return None
 
+    @property
+    def start(self) -> None:
+        """None: a gait begins at the problem's start."""
+        return None
+
     def peak_command_speed(self) -> NDArray[np.float64]:
         """Return the largest commanded speed of each channel, rad/s, shape (nu,); inf for square waves.
 

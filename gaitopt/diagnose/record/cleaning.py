@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from gaitopt.diagnose.record.clock import rounded_clock
+from gaitopt.diagnose.record.commands import commands_beyond_range
 from gaitopt.diagnose.record.defect import Defect, Found
 from gaitopt.diagnose.record.frames import frozen, gaps
 from gaitopt.diagnose.record.outliers import outliers
@@ -19,6 +20,7 @@ FINDERS: tuple[Callable[[Trial, DefectSettings], Found], ...] = (
     gaps,
     frozen,
     outliers,
+    commands_beyond_range,
 )
 """One function for each defect, in the order in which they run. Each gets the trial from the one before."""
 

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
+from gaitopt.core.errors import GaitoptError, bad_value, found, unknown_name
 from gaitopt.core.files import found_inside, inside, read_toml
 from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
 from gaitopt.core.validation import PLAIN_NUMBER, Name, validated
+from gaitopt.diagnose.record.commands import read_commands
+from gaitopt.diagnose.record.starts import shared_starts
 from gaitopt.diagnose.record.tables import TextTable, read_csv
 from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.gait.drive import Drive
 from gaitopt.gait.gait import read_gait
+from gaitopt.gait.logged import SAMPLES_PER_BLOCK, LoggedCommands
 from gaitopt.problem.problem import Problem
 from gaitopt.robot.signals import kind_of
 
@@ -27,26 +31,40 @@ DATASET_FILE = "dataset.toml"
 UNITS = {"marker": LENGTH, "joint": ANGLE}
 """Kinds of signals that can be measured, and the units of their columns by suffix."""
 
-_SAMPLES_PER_BLOCK = 4
-"""A cycle with fewer samples has no shape; most such data sets have milliseconds in a column of seconds."""
-
-_WHOLE_BLOCKS = 2
-"""A trial has at least this many blocks, so that differences between cycles can be seen."""
+_WHOLE_CYCLES = 2
+"""A trial of a gait has at least this many cycles, so that differences between them can be seen."""
 
 _Finite = Annotated[float, Field(allow_inf_nan=False), PLAIN_NUMBER]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False), PLAIN_NUMBER]
+_UNKNOWN = "unknown"
+
+
+def _known_or_not(value: object) -> object:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    if value is not None and value != _UNKNOWN and not number:
+        raise ValueError(f'found {found(value)}; allowed: a number of seconds, or "{_UNKNOWN}"')
+    return value
+
+
+_Start = Annotated[float | Literal["unknown"] | None, BeforeValidator(_known_or_not)]
 _Name = Annotated[Name, Field(min_length=1, max_length=100)]
 
 
 class TrialFile(BaseModel):
     """One ``[[trial]]`` of a data set's file.
 
+    It has either `gait` or `commands`.
+
     Attributes:
         name: what reports call the trial.
         gait: a baseline's name, or a gait file in the data set's folder.
+        commands: a log of commands in the same folder (see `read_commands`). It may be the recording's file.
+        channels: column of each channel in that log, where it is not called after the channel.
         file: CSV file in the same folder.
         time: column of the time stamps; its unit is its suffix.
-        starts_at_gait_time_s: gait time at the recording's zero, where it is known.
+        starts_at_gait_time_s: gait time at the recording's zero; ``unknown`` where it is not known, as is the
+            default for a gait. For commands it is the time of the log's clock at the recording's zero, and
+            0 by default: both have one clock.
         noise_m: standard deviation of the marker's noise, where it is known.
         fps: frame rate of the recording, where it is known.
         signals: column of each signal measured.
@@ -55,13 +73,30 @@ class TrialFile(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: _Name
-    gait: _Name
+    gait: _Name | None = None
+    commands: _Name | None = None
+    channels: dict[Name, Name] = Field(default_factory=dict)
     file: _Name
     time: _Name = "t_s"
-    starts_at_gait_time_s: _Finite | None = None
+    starts_at_gait_time_s: _Start = None
     noise_m: _Positive | None = None
     fps: _Positive | None = None
     signals: Annotated[dict[Name, Name], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _one_drive(self) -> TrialFile:
+        if (self.gait is None) == (self.commands is None):
+            raise ValueError("allowed: either `gait` or `commands`, not both")
+        if self.channels and self.commands is None:
+            raise ValueError("channels: found without `commands`; allowed: columns of a log of commands")
+        return self
+
+    @property
+    def starts_at_s(self) -> float | None:
+        """Time of the gait or of the log at the recording's zero, s; None where it is not known."""
+        if self.starts_at_gait_time_s is None:
+            return None if self.commands is None else 0.0
+        return None if self.starts_at_gait_time_s == _UNKNOWN else float(self.starts_at_gait_time_s)
 
 
 class DataSetFile(BaseModel):
@@ -95,7 +130,7 @@ def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> Data
 
     Raises:
         GaitoptError: a file, key, column, unit, signal, channel or gait is wrong, or a recording goes back
-            in time or is shorter than two blocks of its drive.
+            in time or is shorter than two cycles of its gait.
     """
     path = found_inside(folder, DATASET_FILE) if folder.is_dir() else folder
     if path is None or not path.is_file():
@@ -106,12 +141,13 @@ def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> Data
     if repeated is not None:
         raise GaitoptError(f"{path}: trial {repeated!r} appears twice; allowed: one of each name")
     measurable = sorted(name for name in known if kind_of(name) in UNITS)
-    return DataSet(path, tuple(_trial(entry, path, problem, measurable) for entry in file.trial))
+    trials = [_trial(entry, path, problem, measurable) for entry in file.trial]
+    return DataSet(path, tuple(shared_starts(trials)))
 
 
 def _trial(entry: TrialFile, path: Path, problem: Problem, measurable: list[str]) -> Trial:
     source = f"{path}: trial {entry.name}"
-    drive = _drive(entry.gait, path, problem, source)
+    drive = _drive(entry, path, problem, source)
     for signal in entry.signals:
         if signal not in measurable:
             raise unknown_name(source, "signal", signal, measurable)
@@ -119,13 +155,18 @@ def _trial(entry: TrialFile, path: Path, problem: Problem, measurable: list[str]
     time = _time(table, entry, drive, source)
     signals = {name: _series(table, name, column, source) for name, column in entry.signals.items()}
     used = {name: np.isfinite(series) for name, series in signals.items()}
-    return Trial(
-        entry.name, drive, time, signals, used, entry.starts_at_gait_time_s, entry.noise_m, entry.fps
-    )
+    starts = entry.starts_at_s
+    if isinstance(drive, LoggedCommands):
+        starts = None if starts is None else starts - drive.first_s
+    return Trial(entry.name, drive, time, signals, used, starts, entry.noise_m, entry.fps)
 
 
-def _drive(reference: str, path: Path, problem: Problem, source: str) -> Drive:
-    """Return the baseline of that name, or the gait in a file of the data set's folder."""
+def _drive(entry: TrialFile, path: Path, problem: Problem, source: str) -> Drive:
+    """Return a trial's log of commands, or its gait: a baseline's, or one in a file beside the data set's."""
+    if entry.commands is not None:
+        log = _beside(path, entry.commands, f"{source}: commands")
+        return read_commands(log, problem, entry.channels, entry.time)
+    reference = str(entry.gait)
     if reference in problem.baselines:
         return problem.baselines[reference]
     if not (path.parent / reference).is_file():
@@ -137,12 +178,12 @@ def _drive(reference: str, path: Path, problem: Problem, source: str) -> Drive:
 
 def _beside(path: Path, name: str, key: str) -> Path:
     """Return a file in the data set's folder."""
-    found = inside(path.parent, name)
-    if found is None:
+    file = inside(path.parent, name)
+    if file is None:
         raise bad_value(key, "path", name, "a file in the data set's folder")
-    if not found.is_file():
-        raise GaitoptError(f"{key}: {found}: no such file")
-    return found
+    if not file.is_file():
+        raise GaitoptError(f"{key}: {file}: no such file")
+    return file
 
 
 def _time(table: TextTable, entry: TrialFile, drive: Drive, source: str) -> Series:
@@ -160,16 +201,20 @@ def _time(table: TextTable, entry: TrialFile, drive: Drive, source: str) -> Seri
 
 
 def _check_length(time: Series, source: str, column: str, drive: Drive) -> None:
-    """Check that a recording has enough blocks of its drive, and enough samples a block."""
+    """Check that a recording has enough cycles, and enough samples a cycle; or, of a log, enough samples."""
     steps = np.diff(time)
     frame = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    block, noun = drive.block_s, "block" if drive.period_s is None else "cycle"
-    if time[-1] - time[0] + frame < _WHOLE_BLOCKS * block * (1.0 - 1e-9):
-        raise GaitoptError(f"{source}: {time[-1] - time[0]:.4g} s are fewer than two {noun}s of {block:g} s")
-    if frame > block / _SAMPLES_PER_BLOCK:
+    period = drive.period_s
+    if period is None:
+        if (steps > 0.0).sum() < SAMPLES_PER_BLOCK - 1:
+            raise GaitoptError(f"{source}: found {len(time)} samples; allowed: {SAMPLES_PER_BLOCK} or more")
+        return
+    if time[-1] - time[0] + frame < _WHOLE_CYCLES * period * (1.0 - 1e-9):
+        raise GaitoptError(f"{source}: {time[-1] - time[0]:.4g} s are fewer than two cycles of {period:g} s")
+    if frame > period / SAMPLES_PER_BLOCK:
         raise GaitoptError(
-            f"{source}: {column}: samples {frame:.4g} s apart are fewer than {_SAMPLES_PER_BLOCK} "
-            f"a {noun} of {block:g} s; are they milliseconds?"
+            f"{source}: {column}: samples {frame:.4g} s apart are fewer than {SAMPLES_PER_BLOCK} "
+            f"a cycle of {period:g} s; are they milliseconds?"
         )
 
 

@@ -17,7 +17,8 @@ class Defect:
 
     Attributes:
         name: ``gaps``, ``frozen_frames``, ``marker_outliers``, ``clock_rounding``, ``wrong_frame_rate``,
-            ``wrong_unit`` or ``axis_reversed``; of imported files also ``unlikely_points`` and ``pixels``.
+            ``wrong_unit``, ``axis_reversed`` or ``commands_beyond_range``; of imported files also
+            ``unlikely_points`` and ``pixels``.
         trial: name of the trial.
         message: what was found, and what was done about it.
         masked: number of time stamps with samples that do not count.

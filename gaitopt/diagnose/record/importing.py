@@ -51,6 +51,7 @@ class UnknownDrive:
     period_s: None = None
     block_s: float = 1.0
     duration_s: None = None
+    start: None = None
 
     def targets(self, t: ArrayLike) -> Series:
         """Raise an error: the targets are not known."""
