@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from gaitopt.blind.sealed import SEALED_FOLDER, Truth, read_truth
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import read_json
-from gaitopt.core.validation import validated
+from gaitopt.core.validation import PLAIN_NUMBER, PlainNumber, validated
 
 TIED = 0.995
 """If the whitened signatures of two effects have this cosine, no likelihood separates the two."""
+
+_Probability = Annotated[float, Field(ge=-1e-9, le=1.0 + 1e-9), PLAIN_NUMBER]
+"""A probability, to within the rounding of a sum."""
 
 
 class FittedParameter(BaseModel):
@@ -20,8 +24,8 @@ class FittedParameter(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    value: float | None
-    ci90: tuple[float | None, float | None]
+    value: PlainNumber | None
+    ci90: tuple[PlainNumber | None, PlainNumber | None]
 
     def covers(self, value: float) -> bool:
         """Whether a value lies in the 90 % interval."""
@@ -36,10 +40,10 @@ class AnsweredEffect(BaseModel):
 
     name: str
     target: str
-    probability: float
+    probability: _Probability
     parameters: dict[str, FittedParameter]
-    heldout_shrinkage: float | None
-    alike: float
+    heldout_shrinkage: PlainNumber | None
+    alike: PlainNumber
 
 
 class AnsweredGap(BaseModel):
@@ -47,7 +51,7 @@ class AnsweredGap(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    shrinkage: float | None
+    shrinkage: PlainNumber | None
 
 
 class Answer(BaseModel):
@@ -59,7 +63,7 @@ class Answer(BaseModel):
     causes: tuple[str, ...]
     ambiguous_with: tuple[str, ...]
     effects: tuple[AnsweredEffect, ...]
-    other_probability: float | None
+    other_probability: _Probability | None
     gap: AnsweredGap
 
 
@@ -136,6 +140,22 @@ class Case(BaseModel):
         name, true = next(iter(planted.parameters.items()))
         return KnownParameter(true=true, fitted=row.parameters[name])
 
+    def check(self, source: Path) -> None:
+        """Check that the rows of effects that were planted have their parameters.
+
+        Args:
+            source: the diagnosis' file, for messages.
+
+        Raises:
+            GaitoptError: one is missing.
+        """
+        for planted in self.truth.effects:
+            row = self.row(planted.name)
+            missing = [name for name in planted.parameters if row and name not in row.parameters]
+            if missing:
+                key = f"effects.{planted.name}.parameters.{missing[0]}"
+                raise GaitoptError(f"{source}: {key}: missing; it is required")
+
 
 def read_cases(folder: Path, diagnoses: Path) -> list[Case]:
     """Return every sealed case that has been diagnosed.
@@ -156,4 +176,5 @@ def read_cases(folder: Path, diagnoses: Path) -> list[Case]:
         if found.is_file():
             answer = validated(Answer, read_json(found), found)
             cases.append(Case(name=path.stem, truth=read_truth(path), diagnosis=answer))
+            cases[-1].check(found)
     return cases

@@ -51,6 +51,11 @@ def kinds_of(cases: int, seed: int, settings: BlindSettings = DEFAULT) -> list[s
     return kinds
 
 
+def nominal_files(problem: Problem) -> dict[str, str]:
+    """Return the text of each file in `NOMINAL_FOLDER`, by its name."""
+    return {"model.xml": nominal_mjcf(problem), PROBLEM_FILE: problem.to_toml("model.xml")}
+
+
 def case_name(index: int) -> str:
     """Return the name of a case."""
     return f"case-{index:03d}"
@@ -82,8 +87,8 @@ def make_cases(
     _check_only(factory, request)
     nominal = out / NOMINAL_FOLDER
     nominal.mkdir(parents=True, exist_ok=True)
-    write_text(nominal / "model.xml", nominal_mjcf(problem))
-    write_text(nominal / PROBLEM_FILE, problem.to_toml("model.xml"))
+    for name, text in nominal_files(problem).items():
+        write_text(nominal / name, text)
     faint: set[str] = set()
     for index, kind in enumerate(request.kinds):
         on_progress(Progress("making cases", index, len(request.kinds), "cases"))

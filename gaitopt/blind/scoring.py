@@ -225,7 +225,7 @@ def _calibration(cases: Sequence[Case], settings: ScoreSettings) -> list[Calibra
     top = [(c, c.row(c.top)) for c in cases]
     known = [(c, row.probability) for c, row in top if row is not None]
     for low, high in pairwise(settings.bins):
-        inside = [(c, p) for c, p in known if low <= p < high or (p == high == 1.0)]
+        inside = [(c, p) for c, p in known if low <= p < high or (p >= high == 1.0)]
         if inside:
             said = float(np.mean([p for _, p in inside]))
             bins.append(

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from gaitopt.blind.kinds import KINDS
+from gaitopt.core.errors import found
 from gaitopt.core.files import read_json, write_text
-from gaitopt.core.validation import validated
+from gaitopt.core.validation import PlainNumber, validated
 
 SEALED_FOLDER = "sealed"
 """Where a folder of cases keeps their truth; nothing but `gaitopt blind score` reads it."""
+
+
+def _known_kind(kind: str) -> str:
+    if kind not in KINDS:
+        raise ValueError(f"found {found(kind)}; allowed: {', '.join(KINDS)}")
+    return kind
 
 
 class PlantedEffect(BaseModel):
@@ -27,7 +36,7 @@ class PlantedEffect(BaseModel):
 
     name: str
     target: str
-    parameters: dict[str, float]
+    parameters: Annotated[dict[str, PlainNumber], Field(min_length=1)]
 
 
 class Truth(BaseModel):
@@ -42,10 +51,17 @@ class Truth(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    kind: str
+    kind: Annotated[str, AfterValidator(_known_kind)]
     effects: tuple[PlantedEffect, ...]
-    gap_over_floor: float
-    figures: dict[str, float] = {}
+    gap_over_floor: PlainNumber
+    figures: dict[str, PlainNumber] = {}
+
+    @model_validator(mode="after")
+    def _planted(self) -> Truth:
+        if bool(self.effects) == (self.kind == "none"):
+            what = "an effect" if self.effects else "no effect"
+            raise ValueError(f"found {what} in a case of the kind {self.kind}")
+        return self
 
 
 def truth_path(cases: Path, name: str) -> Path:

@@ -1,4 +1,4 @@
-"""Files of a folder that may be a stranger's, such as a run folder that somebody sent.
+"""Files of a folder that may be a stranger's, such as a run folder or blind cases that somebody sent.
 
 The path of the folder itself is the user's: its links are followed. Nothing below it is followed out of it.
 Every entry is a folder or a plain file with one name: no link, no second name (hard link), no pipe or device.
@@ -120,4 +120,4 @@ def _check(path: Path, status: os.stat_result) -> None:
     if kind is None and status.st_nlink > 1:
         kind = f"a file with {status.st_nlink} names (hard links)"
     if kind is not None:
-        raise GaitoptError(f"{path}: found {kind}; allowed in a run folder: plain files with one name")
+        raise GaitoptError(f"{path}: found {kind}; allowed in this folder: plain files with one name")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import UnionType
 from typing import Annotated, Any, TypeVar, Union, get_origin
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError
 
 from gaitopt.core.errors import GaitoptError, found, nearest
 
@@ -30,6 +30,10 @@ def _no_text(value: object) -> object:
 
 PLAIN_NUMBER = BeforeValidator(_no_text)
 """A number that is written as one: pydantic alone takes the text ``"1_000"`` and ``true`` for numbers too."""
+
+
+PlainNumber = Annotated[float, Field(ge=-1e100, le=1e100, allow_inf_nan=False), PLAIN_NUMBER]
+"""A number that can be squared, added and printed."""
 
 
 def validated(record: type[Record], values: object, source: object) -> Record:

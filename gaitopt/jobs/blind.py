@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from gaitopt.blind.answers import read_cases
-from gaitopt.blind.cases import NOMINAL_FOLDER, CaseRequest, kinds_of, make_cases
+from gaitopt.blind.cases import NOMINAL_FOLDER, CaseRequest, kinds_of, make_cases, nominal_files
 from gaitopt.blind.factory import RecordingPlan
 from gaitopt.blind.scoring import Score, score
-from gaitopt.core.errors import bad_value
+from gaitopt.core.errors import GaitoptError, bad_value
+from gaitopt.core.files import read_bytes
+from gaitopt.core.folders import not_empty
+from gaitopt.core.own_files import check_folder
 from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.diagnose.diagnosis import DiagnosisRequest
 from gaitopt.jobs.diagnose import Question, answered_into, is_finished
@@ -20,6 +24,8 @@ from gaitopt.jobs.inputs import checked_seed
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.runs.diagnosis_folder import diagnosis_folder
+from gaitopt.runs.folder import held
+from gaitopt.runs.lock import LOCK_FILE
 
 EACH_CASE = DiagnosisRequest(seed=1, next_gait=False)
 """How every blind case is diagnosed."""
@@ -61,7 +67,7 @@ def blind_make(
     Args:
         problem: the problem.
         cases: how many.
-        out: their folder; cases that it holds are kept.
+        out: their folder; cases of this problem that it holds are kept.
         seed: seed of all randomness.
         seconds: length of a trial, s.
         gaits: names of the baselines measured; all by default.
@@ -73,7 +79,8 @@ def blind_make(
         workers: robots simulated at once; all cores by default.
 
     Raises:
-        GaitoptError: an argument is not allowed, or what is to be planted makes no gap.
+        GaitoptError: an argument is not allowed, what is to be planted makes no gap, or the folder holds
+            something else.
     """
     problem = carrying(problem)
     if cases < 1:
@@ -83,10 +90,47 @@ def blind_make(
     names = list(problem.baselines) if gaits is None else list(gaits)
     seed = checked_seed(seed)
     kinds = [kind] * cases if kind else kinds_of(cases, seed)
-    with opened(executor, workers) as pool:
-        request = CaseRequest(kinds, seed, RecordingPlan(names, seconds, signals), only)
+    request = CaseRequest(kinds, seed, RecordingPlan(names, seconds, signals), only)
+    with _cases_folder(Path(out), problem), opened(executor, workers) as pool:
         faint = make_cases(problem, Path(out), request, pool)
     return MadeCases(Path(out), Path(out) / "sealed", tuple(kinds), tuple(faint))
+
+
+@contextmanager
+def _cases_folder(folder: Path, problem: Problem) -> Iterator[None]:
+    """Hold the folder of cases; one that was made for them and stays empty is removed.
+
+    Raises:
+        GaitoptError: it holds something else than cases of this problem, another run works there, or it
+            cannot be written.
+    """
+    made = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise GaitoptError(f"--out: {folder}: cannot be made: {error.strerror}") from None
+    try:
+        _check_cases(folder, problem)
+        with held(folder):
+            yield
+    finally:
+        if made:
+            with suppress(OSError):  # it holds something
+                folder.rmdir()
+
+
+def _check_cases(folder: Path, problem: Problem) -> None:
+    """Check that a folder holds nothing, or cases of this problem, before anything is done to it."""
+    check_folder(folder)
+    nominal = folder / NOMINAL_FOLDER
+    if not nominal.is_dir() and {path.name for path in folder.iterdir()} - {LOCK_FILE}:
+        raise not_empty(folder)
+    for name, text in nominal_files(problem).items():
+        path = nominal / name
+        if path.exists() and read_bytes(path) != text.encode():
+            raise GaitoptError(
+                f"--out: {path} is of another problem; allowed: a new folder, or cases of this problem"
+            )
 
 
 def blind_score(
@@ -108,10 +152,14 @@ def blind_score(
         on_progress: called as each diagnosis begins.
 
     Raises:
-        GaitoptError: there are no sealed cases, or a diagnosis fails.
+        GaitoptError: there are no sealed cases, a folder holds a link or what is no plain file, or a
+            diagnosis fails.
     """
     folder = Path(folder)
     diagnoses = folder / "diagnoses" if diagnoses is None else Path(diagnoses)
+    for given in (folder, diagnoses):
+        if given.is_dir():
+            check_folder(given)
     with opened(executor, workers) as pool:
         _diagnose_cases(folder, diagnoses, pool, on_progress)
     return score(read_cases(folder, diagnoses))

@@ -90,7 +90,7 @@ def test_a_folder_of_a_run_is_its_own(
         shutil.rmtree(folder / name)
     (folder / name).symlink_to(victim, target_is_directory=True)
     code, err = run(capsys, "optimise", folder, "--resume", folder, "--quiet")
-    assert (code, "found a link; allowed in a run folder: plain files with one name" in err) == (1, True)
+    assert (code, "found a link; allowed in this folder: plain files with one name" in err) == (1, True)
     assert contents(victim) == before
 
 
