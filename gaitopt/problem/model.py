@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import mujoco
+import numpy as np
 
 from gaitopt.core.errors import bad_value
 from gaitopt.effects.parts import Parts
@@ -15,7 +16,7 @@ from gaitopt.problem.matching import check_matches
 from gaitopt.problem.mjcf import compile_mjcf, named_files, parse_mjcf, path_from, read_mjcf
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity, Parameter
-from gaitopt.problem.start import START, settled, start_targets
+from gaitopt.problem.start import START, held_activation, settled, start_targets
 
 _ATTRIBUTE = r"[A-Za-z_][\w.-]*"
 """Name of an attribute of an MJCF. It is written without changes, so it may not contain markup."""
@@ -177,3 +178,6 @@ def _write_start(root: ET.Element, problem: Problem) -> None:
     key = ET.SubElement(keyframes, "key", name=START)
     key.set("qpos", " ".join(map(repr, qpos.tolist())))
     key.set("ctrl", " ".join(map(repr, held.tolist())))
+    if model.na:
+        act = held_activation(model, held, np.zeros(model.na))
+        key.set("act", " ".join(map(repr, act.tolist())))

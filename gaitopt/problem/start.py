@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from gaitopt.core.errors import GaitoptError
 from gaitopt.problem.problem import Problem
 
+_LAGS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
+"""Dynamics of an actuator whose activation follows its target."""
+
 START = "start"
 """Keyframe from which every gait begins."""
 
@@ -31,6 +34,24 @@ def start_targets(problem: Problem) -> NDArray[np.float64]:
     return np.deg2rad([held.get(name, 0.0) for name in problem.channel_names])
 
 
+def held_activation(
+    model: mujoco.MjModel, ctrl: NDArray[np.float64], act: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return activations, shape (na,), in which each actuator with a lag has held its target for long.
+
+    Args:
+        model: the robot.
+        ctrl: the targets, rad, shape (nu,).
+        act: activations of all other actuators, shape (na,).
+    """
+    rested = np.array(act)
+    for index in range(model.nu):
+        if int(model.actuator_dyntype[index]) in _LAGS:
+            last = int(model.actuator_actadr[index]) + int(model.actuator_actnum[index]) - 1
+            rested[last] = ctrl[index]
+    return rested
+
+
 def settled(
     model: mujoco.MjModel, held: NDArray[np.float64], limit_s: float = SETTLE_LIMIT_S
 ) -> NDArray[np.float64]:
@@ -51,6 +72,7 @@ def settled(
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
     data.ctrl[:] = held
+    data.act[:] = held_activation(model, held, data.act)
     steps = max(1, round(_SETTLE_CHUNK_S / model.opt.timestep))
     limit_s = min(limit_s, SETTLE_LIMIT_STEPS * model.opt.timestep)
     for _ in range(max(1, round(limit_s / _SETTLE_CHUNK_S))):

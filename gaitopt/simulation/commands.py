@@ -1,4 +1,4 @@
-"""What is sent to the servos: a drive's targets, held before its start and sampled by servo frames."""
+"""What is sent to the servos: a drive's targets, what they hold before it, and sampling by servo frames."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ _BEFORE = 1e-6
 
 
 def servo_commands(
-    problem: Problem, drive: Drive, time: NDArray[np.float64], framed: bool = False
+    problem: Problem,
+    drive: Drive,
+    time: NDArray[np.float64],
+    framed: bool = False,
+    held: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """Return what is sent to each actuator, rad, shape (n, nu).
 
@@ -27,29 +31,38 @@ def servo_commands(
         drive: what is commanded, its channels in the problem's order.
         time: gait times, s, shape (n,).
         framed: as a servo gets it: the targets at the start of a frame act from the next frame on, and
-            before that the start's targets are held.
+            before that `held`.
+        held: what the servos hold before the drive, rad, shape (nu,); the start's targets by default.
     """
     if not framed:
         return drive.targets(time)
     frame_s = problem.file.servo.frame_s
     frame = np.floor(time / frame_s + _FRAME_EDGE)
     sent = drive.targets((frame - 1.0) * frame_s)
-    return np.where((frame < 1.0)[:, None], start_targets(problem), sent)
+    held = start_targets(problem) if held is None else held
+    return np.where((frame < 1.0)[:, None], held, sent)
 
 
-def drive_commands(problem: Problem, drive: Drive, scenario: Scenario, step_s: float) -> Commands:
-    """Return what is sent in a scenario at any gait time: before 0, the start's targets.
+def drive_commands(
+    problem: Problem,
+    drive: Drive,
+    scenario: Scenario,
+    step_s: float,
+    held: NDArray[np.float64] | None = None,
+) -> Commands:
+    """Return what is sent in a scenario at any gait time.
 
     Args:
         problem: the problem.
         drive: what is commanded.
         scenario: whether servo frames count, and each servo's zero error.
         step_s: step of the simulation, s.
+        held: what the servos hold before gait time 0, rad, shape (nu,); the start's targets by default.
     """
-    held, trim = start_targets(problem), scenario.servo_trim
+    held, trim = start_targets(problem) if held is None else held, scenario.servo_trim
 
     def sent(time: NDArray[np.float64]) -> NDArray[np.float64]:
-        rows = servo_commands(problem, drive, time, scenario.framed)
+        rows = servo_commands(problem, drive, time, scenario.framed, held)
         before = time < -_BEFORE * step_s
         if before.any():
             rows = np.where(before[:, None], held, rows)

@@ -24,10 +24,12 @@ from gaitopt.problem.instruments import build_instrumented
 from gaitopt.problem.model import with_fidelity
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
-from gaitopt.problem.start import START, settled, start_targets
+from gaitopt.problem.start import START, held_activation, settled, start_targets
 from gaitopt.robot.trajectory import Trajectory
+from gaitopt.simulation.beginning import held_before, started_pose
 from gaitopt.simulation.commands import drive_commands, row_commands
 from gaitopt.simulation.effort import WorkBudget, resting_work
+from gaitopt.simulation.power import Flags, changes_of_power, held_while_unpowered, switch
 from gaitopt.simulation.scenario import NOMINAL, Scenario, disturb_start, scenario_model
 
 Array = NDArray[np.float64]
@@ -176,7 +178,7 @@ class Simulator:
     def run(
         self, drive: Drive, scenario: int = 0, duration: float | None = None, poses: bool = False
     ) -> Trajectory:
-        """Simulate one drive in one scenario from the start pose.
+        """Simulate one drive in one scenario, from its measured start or else from the start pose.
 
         Args:
             drive: what is commanded, its channels in the problem's order.
@@ -190,7 +192,8 @@ class Simulator:
             itself stops has no values (NaN). `status` says which.
 
         Raises:
-            GaitoptError: the rollout would take more steps than the settings allow.
+            GaitoptError: the rollout would take more steps than the settings allow, or the drive starts at
+                an angle of a joint that the robot does not have.
         """
         duration = self.duration(drive) if duration is None else duration
         longest = self.settings.max_steps * self.fidelity.timestep_s
@@ -199,8 +202,10 @@ class Simulator:
             raise GaitoptError(
                 f"{drive.name}: {key}: found {found:g}; allowed: a rollout of at most {longest:g} s"
             )
-        sent = drive_commands(self.problem, drive, self.scenarios[scenario], self.fidelity.timestep_s)
-        return self._simulate(self.clock(duration), sent, scenario, poses)
+        held = held_before(self.problem, drive, self.models[scenario])
+        step_s = self.fidelity.timestep_s
+        sent = drive_commands(self.problem, drive, self.scenarios[scenario], step_s, held)
+        return self._simulate(self.clock(duration), sent, scenario, poses, drive)
 
     def play(self, time: Array, commands: Array, scenario: int = 0) -> Trajectory:
         """Simulate commands, one row per step, rad, shape (n, nu), from the start pose."""
@@ -221,28 +226,46 @@ class Simulator:
         """Return a trajectory as it would be measured: with the effects of camera, tracker and clock."""
         return self.effects.observe(trajectory, self.models[0], seeded(seed))
 
-    def _simulate(self, time: Array, sent: Commands, scenario: int, poses: bool = False) -> Trajectory:
-        """Simulate what is sent, on the clock `time`, from the start pose."""
+    def _simulate(
+        self, time: Array, sent: Commands, scenario: int, poses: bool = False, drive: Drive | None = None
+    ) -> Trajectory:
+        """Simulate what is sent, on the clock `time`, from where the drive starts."""
         workspace, model = self._workspace(), self.models[scenario]
         if self.effects.loops:
             model = copy.copy(model)
-        workspace.reset(model)
-        if self.scenarios[scenario].start_pose_rad:
-            disturb_start(workspace.batch, self.problem, self.scenarios[scenario])
-        commands = sent(time)
+        commands, start = sent(time), None if drive is None else drive.start
         arriving = self.effects.commands(sent, model)
         ctrl = commands if arriving is sent else arriving(time)
+        columns = control_columns(model, self.problem.channel_names)
         if model.nu > ctrl.shape[1]:
-            ctrl = ctrl[:, control_columns(model, self.problem.channel_names)]
+            ctrl = ctrl[:, columns]
+        off = None
+        if start is not None or np.isnan(ctrl).any():
+            before = arriving(time[:1] - self.fidelity.timestep_s)[0, columns]
+            ctrl, before, off = held_while_unpowered(ctrl, before)
+        if off is not None and not self.effects.loops:
+            model = copy.copy(model)
+        workspace.reset(model)
+        if start is not None:
+            pose, act = (workspace.batch.bind(name)[0] for name in ("qpos", "act"))
+            pose[:] = started_pose(model, start, pose)
+            act[:] = held_activation(model, before, act)
+        if self.scenarios[scenario].start_pose_rad:
+            disturb_start(workspace.batch, self.problem, self.scenarios[scenario])
         try:
-            recorded = self._roll(workspace, model, ctrl, poses)
+            recorded = self._roll(workspace, model, ctrl, poses, off)
         except SimulationError as error:
             nothing = np.full((len(time), len(self.signals)), np.nan)
             recorded = _Recorded(nothing, None, f"failed: {_reason(error)}")
         return self._trajectory(time, commands, recorded)
 
-    def _roll(self, workspace: _Workspace, model: mujoco.MjModel, ctrl: Array, poses: bool) -> _Recorded:
-        """Simulate commands, one row per step, shape (n, nu), in chunks; loops act between two chunks."""
+    def _roll(
+        self, workspace: _Workspace, model: mujoco.MjModel, ctrl: Array, poses: bool, off: Flags | None
+    ) -> _Recorded:
+        """Simulate commands, one row per step, shape (n, nu), in chunks; loops act between two chunks.
+
+        Where `off` says so, shape (n, nu), an actuator is unpowered.
+        """
         settings, steps, batch = self.settings, len(ctrl), workspace.batch
         updates = self.effects.updates(model)
         out = {"sensordata": workspace.record(steps)}
@@ -251,9 +274,13 @@ class Simulator:
         chunk = max(1, round(LOOP_INTERVAL_S / self.fidelity.timestep_s)) if updates else settings.chunk
         allowed = settings.most_work * workspace.resting_work * steps
         budget = WorkBudget(allowed, chunk, settings.count_every, model.nv)
+        switched, groups = changes_of_power(off), model.actuator_group.copy()
+        begins = sorted({*range(0, steps, chunk), *switched})
         status = "ok"
-        for begin in range(0, steps, chunk):
-            end = min(begin + chunk, steps)
+        for begin, end in zip(begins, [*begins[1:], steps], strict=True):
+            if off is not None and (begin == 0 or begin in switched):
+                switch(model, off[begin], groups)
+                batch.set_models(model)
             counts = budget.counters(begin, end)
             rows: dict[str, NDArray[Any]] = {name: array[:, begin:end] for name, array in out.items()}
             batch.rollout(
@@ -265,7 +292,7 @@ class Simulator:
                 for array in out.values():
                     array[0, end:] = array[0, end - 1]
                 break
-            for update in updates:
+            for update in updates if end % chunk == 0 else ():
                 update(out["sensordata"][0, end - 1])
         return _Recorded(out["sensordata"][0], out["qpos"][0] if poses else None, status)
 
@@ -300,6 +327,7 @@ def _start_at_rest(model: mujoco.MjModel, problem: Problem, effects: RobotEffect
     arriving = effects.commands(lambda time: np.tile(held, (len(time), 1)), model)
     ctrl = arriving(np.zeros(1))[0, control_columns(model, problem.channel_names)]
     model.key_ctrl[0] = ctrl
+    model.key_act[0] = held_activation(model, ctrl, model.key_act[0])
     if problem.file.start.settle:
         affected = scenario_model(model, problem, NOMINAL, effects)
         model.key_qpos[0] = settled(affected, ctrl, limit_s)

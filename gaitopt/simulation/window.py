@@ -102,11 +102,11 @@ class Window:
 
     @cached_property
     def reached(self) -> dict[str, float]:
-        """Share of the commanded travel that the joint goes through, by channel."""
+        """Share of the commanded travel that the joint goes through, by channel; 1 without travel."""
         shares = {}
         for name in self.problem.channel_names:
             target = self[f"target.{name}"]
-            low, high = float(target.min()), float(target.max())
+            low, high = float(np.fmin.reduce(target)), float(np.fmax.reduce(target))
             inside = np.clip(self[f"position.{name}"], low, high)
             travel = high - low
             shares[name] = float(inside.max() - inside.min()) / travel if travel > 0.0 else 1.0
@@ -118,7 +118,8 @@ class Window:
         if isinstance(self.drive, Gait):
             return self.drive.peak_command_speed()
         targets = np.stack([self[f"target.{name}"] for name in self.problem.channel_names], axis=-1)
-        speeds: Array = np.abs(np.diff(targets, axis=0)).max(axis=0, initial=0.0) / self.sample_s
+        speeds: Array = np.nanmax(np.abs(np.diff(targets, axis=0)), axis=0, initial=0.0)
+        speeds /= self.sample_s
         return speeds
 
     def rotation(self, every: int) -> Array:

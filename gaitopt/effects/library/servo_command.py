@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from itertools import accumulate
 
 import numpy as np
@@ -71,7 +71,10 @@ SERVO_TRIM = Effect(
 
 
 def _limit_speed(sent: Commands, limit: float, parts: Parts) -> Commands:
-    """Limit the speed of the angle that the servo follows, from the angle held before."""
+    """Limit the speed of the angle that the servo follows, from the angle held before.
+
+    The angle stays while the servo is unpowered.
+    """
     step_s, servos = parts.step_s, parts.servos
     largest = limit * step_s
 
@@ -85,13 +88,18 @@ def _limit_speed(sent: Commands, limit: float, parts: Parts) -> Commands:
     return followed
 
 
-def _slewed(before: float, angles: Iterable[float], largest: float) -> list[float]:
-    """Return angles that follow others from `before`, rad, by at most `largest` a step."""
+def _slewed(before: float, angles: Sequence[float], largest: float) -> list[float]:
+    """Return angles that follow others from `before`, rad, by at most `largest` a step; NaN where asked.
+
+    The first angle that is no NaN is met at once where `before` is NaN.
+    """
 
     def follow(at: float, asked: float) -> float:
-        return min(max(asked, at - largest), at + largest)
+        return at if asked != asked else asked if at != at else min(max(asked, at - largest), at + largest)
 
-    return list(accumulate(angles, follow, initial=before))[1:]
+    followed = accumulate(angles, follow, initial=before)
+    next(followed)
+    return [asked if asked != asked else at for at, asked in zip(followed, angles, strict=True)]
 
 
 SERVO_SPEED_LIMIT = Effect(

@@ -80,7 +80,8 @@ def _delay_one(sent: Commands, delay: float, parts: Parts) -> Commands:
         shifted = sent(time - whole * step_s)[:, servos]
         if rest:
             before = sent(time - (whole + 1) * step_s)[:, servos]
-            shifted = before + (1.0 - rest) * np.clip(shifted - before, -largest, largest)
+            partly = before + (1.0 - rest) * np.clip(shifted - before, -largest, largest)
+            shifted = np.where(np.isnan(before), shifted, partly)
         rows = sent(time).copy()
         rows[:, servos] = shifted
         return rows
