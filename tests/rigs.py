@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +36,33 @@ def arm(gravity: float = 9.81, damping: float = 0.02, armature: float = 1e-4) ->
 <actuator><position name="turn" joint="elbow" kp="2" forcerange="-0.5 0.5"/></actuator></mujoco>"""
 
 
+TWO = ("turn", "other")
+"""The servos of `twins`."""
+
+
+def twins(
+    inertia: float = 1e-3, load: float = 0.0, joint: str = "", servo: str = 'kp="2" forcerange="-0.5 0.5"'
+) -> str:
+    """Two equal wheels on the servos `TWO`.
+
+    Args:
+        inertia: about the axis, kg m^2.
+        load: torque of gravity that turns each wheel backward at angle 0, N m.
+        joint, servo: attributes of each joint and each actuator.
+    """
+    mass = 1e4 / 9.81 if load else 1e-6
+    wheel = f"""
+<body name="{{0}}" pos="0 {{1}} 1"><joint name="{{0}}" type="hinge" axis="0 -1 0" {joint}/>
+<inertial pos="{1e-4 * load} 0 0" mass="{mass}" diaginertia="1e-9 {inertia} {inertia}"/>
+<site name="{{0}}" pos="0.1 0 0"/></body>"""
+    wheels = wheel.format("wheel", 0.0) + wheel.format("idler", 1.0)
+    servos = "".join(
+        f'<position name="{name}" joint="{turned}" {servo}/>'
+        for name, turned in zip(TWO, ("wheel", "idler"), strict=True)
+    )
+    return f"<mujoco><worldbody>{wheels}</worldbody><actuator>{servos}</actuator></mujoco>"
+
+
 def flaps(gravity: float = 9.81, damping: float = 0.01, qpos: str = "") -> str:
     """Two flaps, left and right, of 0.02 kg at 0.1 m on springs of 0.2 N m/rad; positive angles lift them."""
     flap = """
@@ -65,7 +92,13 @@ def sled(gravity: str = "0 0 -9.81", contact: str = 'condim="3" friction="0.2"',
 </worldbody><actuator>{IDLE_SERVO}</actuator></mujoco>"""
 
 
-def build(folder: Path, mjcf: str, roles: Mapping[str, object], settle: bool = True) -> Problem:
+def build(
+    folder: Path,
+    mjcf: str,
+    roles: Mapping[str, object],
+    settle: bool = True,
+    servos: Sequence[str] = ("turn",),
+) -> Problem:
     """Write a rig into a problem folder and load it."""
     folder.mkdir()
     (folder / "rig.xml").write_text(mjcf)
@@ -76,8 +109,8 @@ def build(folder: Path, mjcf: str, roles: Mapping[str, object], settle: bool = T
         "roles": roles,
         "start": {"settle": settle},
         "gait": {"period_s": [0.25, 5.0]},
-        "channels": {"turn": {"range_deg": [-90.0, 90.0], "amplitude_deg": [0.0, 90.0]}},
-        "baselines": {"still": {"period_s": 1.0, "channels": {"turn": wave}}},
+        "channels": {name: {"range_deg": [-90.0, 90.0], "amplitude_deg": [0.0, 90.0]} for name in servos},
+        "baselines": {"still": {"period_s": 1.0, "channels": dict.fromkeys(servos, wave)}},
         "simulation": {"working": fidelity, "reference": fidelity},
         "objective": {"terms": {"speed_m_s": -1.0}},
     }
@@ -85,7 +118,7 @@ def build(folder: Path, mjcf: str, roles: Mapping[str, object], settle: bool = T
     return load_problem(folder)
 
 
-def hold(problem: Problem, target: float, seconds: float, **effects: Mapping[str, float]) -> Trajectory:
+def hold(problem: Problem, target: float, seconds: float, **effects: Mapping[str, float | str]) -> Trajectory:
     """Simulate a constant command, rad, on a rig with effects; each is ``name=dict(parameter=value)``."""
     simulator = Simulator.build(problem.with_effects(effects))
     time = simulator.clock(seconds)

@@ -26,7 +26,8 @@ hinge_friction torque_n_m; hinge_hysteresis yield_n_m; hinge_asymmetry ratio; pa
 body_friction scale; friction_anisotropy ratio; friction_direction ratio; friction_load exponent;
 contact_compliance scale; ground_slope angle_rad; payload_mass mass_kg; com_offset offset_m;
 link_inertia scale; geometry_scale scale; tether_drag force_n; camera_scale scale; camera_tilt angle_rad;
-clock_offset offset_s; clock_rate rate; clock_rounding grid_s; marker_outliers share
+clock_offset offset_s; clock_rate rate; clock_rounding grid_s; marker_outliers share;
+servo_lag time_constant_s
 """
 
 
