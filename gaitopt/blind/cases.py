@@ -14,15 +14,17 @@ from gaitopt.blind.recording import record, write_recording
 from gaitopt.blind.sealed import Truth, seal, truth_path
 from gaitopt.blind.settings import DEFAULT, BlindSettings
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.core.files import write_text
+from gaitopt.core.files import write_bytes
 from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.core.streams import Stream, generator
 from gaitopt.problem.lookup import PROBLEM_FILE
-from gaitopt.problem.model import nominal_mjcf
+from gaitopt.problem.model import assets_beside, nominal_mjcf
 from gaitopt.problem.problem import Problem
 
 NOMINAL_FOLDER = "nominal"
 """Where a folder of cases keeps the problem that they are diagnosed with."""
+
+_MODEL_FILE = "model.xml"
 
 
 @dataclass(frozen=True)
@@ -51,9 +53,10 @@ def kinds_of(cases: int, seed: int, settings: BlindSettings = DEFAULT) -> list[s
     return kinds
 
 
-def nominal_files(problem: Problem) -> dict[str, str]:
-    """Return the text of each file in `NOMINAL_FOLDER`, by its name."""
-    return {"model.xml": nominal_mjcf(problem), PROBLEM_FILE: problem.to_toml("model.xml")}
+def nominal_files(problem: Problem) -> dict[str, bytes]:
+    """Return the content of each file in `NOMINAL_FOLDER`, by its path there."""
+    texts = {_MODEL_FILE: nominal_mjcf(problem), PROBLEM_FILE: problem.to_toml(_MODEL_FILE)}
+    return assets_beside(problem) | {name: text.encode() for name, text in texts.items()}
 
 
 def case_name(index: int) -> str:
@@ -86,9 +89,9 @@ def make_cases(
     factory = CaseFactory.of(problem, request.plan, executor, settings)
     _check_only(factory, request)
     nominal = out / NOMINAL_FOLDER
-    nominal.mkdir(parents=True, exist_ok=True)
-    for name, text in nominal_files(problem).items():
-        write_text(nominal / name, text)
+    for name, data in nominal_files(problem).items():
+        (nominal / name).parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(nominal / name, data)
     faint: set[str] = set()
     for index, kind in enumerate(request.kinds):
         on_progress(Progress("making cases", index, len(request.kinds), "cases"))

@@ -304,6 +304,15 @@ def write_text(path: Path, text: str) -> None:
         data = text.encode()
     except UnicodeEncodeError:
         raise GaitoptError(f"{path}: cannot be written: a name in it is no Unicode text") from None
+    write_bytes(path, data)
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file completely or not at all.
+
+    Raises:
+        GaitoptError: it cannot be written.
+    """
     write_with(path, lambda temporary: temporary.write_bytes(data))
 
 

@@ -125,9 +125,9 @@ def _check_cases(folder: Path, problem: Problem) -> None:
     nominal = folder / NOMINAL_FOLDER
     if not nominal.is_dir() and {path.name for path in folder.iterdir()} - {LOCK_FILE}:
         raise not_empty(folder)
-    for name, text in nominal_files(problem).items():
+    for name, data in nominal_files(problem).items():
         path = nominal / name
-        if path.exists() and read_bytes(path) != text.encode():
+        if path.exists() and read_bytes(path) != data:
             raise GaitoptError(
                 f"--out: {path} is of another problem; allowed: a new folder, or cases of this problem"
             )

@@ -21,7 +21,7 @@ from gaitopt.effects import EFFECTS
 from gaitopt.jobs.executor import opened
 from gaitopt.jobs.inputs import checked_seed
 from gaitopt.jobs.outputs import Out, Stopped, out_folder
-from gaitopt.problem.model import carrying
+from gaitopt.problem.model import assets_beside, carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.diagnosis_folder import DIAGNOSIS_FILE, diagnosis_folder, read_diagnosis
 from gaitopt.runs.folder import PAGE_FILE, check_free, held
@@ -166,6 +166,8 @@ def diagnose(
     if problem is None:
         raise GaitoptError("diagnose: found no problem and no finished diagnosis")
     problem = carrying(problem)
+    if out is not None or resume is not None:
+        assets_beside(problem)  # which the run folder is to have
     for name in effects or ():
         if name not in EFFECTS:
             raise unknown_name("diagnose", "effect in --effects:", name, EFFECTS)

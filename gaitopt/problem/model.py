@@ -10,7 +10,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from gaitopt.core.errors import bad_value
+from gaitopt.core.errors import GaitoptError, bad_value, found
 from gaitopt.effects.parts import Parts
 from gaitopt.problem.matching import check_matches
 from gaitopt.problem.mjcf import compile_mjcf, named_files, parse_mjcf, path_from, read_mjcf
@@ -22,6 +22,12 @@ _ATTRIBUTE = r"[A-Za-z_][\w.-]*"
 """Name of an attribute of an MJCF. It is written without changes, so it may not contain markup."""
 
 _MOST_DESCENTS = 2
+
+_WRITTEN = re.compile(
+    r"model\.xml|[^/]+\.(toml|csv|json|html)|(figures|pareto|simulated-[^/]*)/.*|(.*/)?\.[^/]*(/.*)?",
+    re.IGNORECASE,
+)
+"""Paths of files that gaitopt writes or removes in a run folder."""
 
 
 def nominal_mjcf(problem: Problem) -> str:
@@ -88,6 +94,21 @@ def model_assets(problem: Problem) -> dict[str, bytes]:
     folder = problem.model_path.parent
     files = named_files(_with_includes(problem), problem.model_path, problem.carried)
     return {path_from(folder, path): data for path, data in files.values()}
+
+
+def assets_beside(problem: Problem) -> dict[str, bytes]:
+    """Return the files that the MJCF names, to be written beside the nominal model in another folder.
+
+    Raises:
+        GaitoptError: one has the name of a file that gaitopt writes there, is missing, or lies outside the
+            problem's folder.
+    """
+    assets = model_assets(problem)
+    for name in assets:
+        if _WRITTEN.fullmatch(name):
+            allowed = "names that files of a run do not have, such as assets/foot.obj"
+            raise GaitoptError(f"{problem.model_path}: it names the file {found(name)}; allowed: {allowed}")
+    return assets
 
 
 def with_fidelity(model: mujoco.MjModel, fidelity: Fidelity) -> mujoco.MjModel:

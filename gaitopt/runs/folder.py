@@ -8,10 +8,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.files import write_text, write_with
+from gaitopt.core.files import write_bytes, write_text, write_with
 from gaitopt.core.folders import check_new_or_empty, not_empty
 from gaitopt.core.own_files import check_folder, make_own_folder
 from gaitopt.problem.lookup import PROBLEM_FILE
+from gaitopt.problem.model import assets_beside
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.lock import LOCK_FILE, FolderLock
 
@@ -122,13 +123,13 @@ def remove_half_written(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def write_into(folder: Path, name: str, content: str | Callable[[Path], object]) -> Path:
+def write_into(folder: Path, name: str, content: str | bytes | Callable[[Path], object]) -> Path:
     """Write one file of a folder whole or not at all, and return its path.
 
     Args:
         folder: the folder.
         name: name of the file, in the folder or in a folder inside it, which is made if need be.
-        content: its text, or what fills a file at the path that it is given.
+        content: its text or its bytes, or what fills a file at the path that it is given.
 
     Raises:
         GaitoptError: it cannot be written.
@@ -138,13 +139,21 @@ def write_into(folder: Path, name: str, content: str | Callable[[Path], object])
         make_own_folder(path.parent)
     if isinstance(content, str):
         write_text(path, content)
+    elif isinstance(content, bytes):
+        write_bytes(path, content)
     else:
         write_with(path, content)
     return path
 
 
 def write_problem(folder: Path, problem: Problem, model: str) -> None:
-    """Write the nominal model, an MJCF, and a problem file that points to it: the folder is a problem."""
+    """Write the nominal model, an MJCF, and a problem file that points to it: the folder is a problem.
+
+    Raises:
+        GaitoptError: a file that the model names has the name of a file of a run; or one cannot be written.
+    """
+    for name, data in assets_beside(problem).items():
+        write_into(folder, name, data)
     write_into(folder, MODEL_FILE, model)
     write_into(folder, PROBLEM_FILE, problem.to_toml(MODEL_FILE))
 

@@ -11,13 +11,13 @@ from pathlib import Path
 import tomli_w
 
 from gaitopt.core.errors import GaitoptError, bad_value
-from gaitopt.core.files import read_bytes, read_toml, write_with
+from gaitopt.core.files import read_bytes, read_toml
 from gaitopt.core.json import to_json
 from gaitopt.core.own_files import check_folder, check_own
 from gaitopt.core.versions import versions
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import Optimised, Request
-from gaitopt.problem.model import model_assets, nominal_mjcf
+from gaitopt.problem.model import assets_beside, model_assets, nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.runs.folder import (
     FIRST_FILES,
@@ -81,13 +81,12 @@ class RunFolder:
         Raises:
             GaitoptError: the folder holds something already, or cannot be written.
         """
-        model, assets = nominal_mjcf(problem), model_assets(problem)
+        model, assets = nominal_mjcf(problem), assets_beside(problem)
         path = path or next_free(problem.name)
         folder = RunFolder(path, new=True, made=make_folder(path))
         folder._lock.take()
         try:
-            for name, data in assets.items():
-                folder._write_asset(name, data)
+            folder._assets = [path / name for name in assets]
             write_problem(path, problem, model)
             content = asdict(request) | versions()
             folder.file(REQUEST_FILE, tomli_w.dumps(content))
@@ -196,8 +195,10 @@ class RunFolder:
         with suppress(OSError):  # the folder may be gone, or have become read-only
             for path in [*written, *self._assets]:
                 path.unlink(missing_ok=True)
-            for folder in {path.parent for path in self._assets} - {self.path}:
-                folder.rmdir()
+            folders = {folder for path in self._assets for folder in path.parents}
+            for folder in sorted(folders, reverse=True):  # the innermost first
+                if self.path in folder.parents:
+                    folder.rmdir()
 
     def write_results(self, problem: Problem, optimised: Optimised) -> Summary:
         """Write the best gait, the front if one was requested, and the summary; return the summary."""
@@ -210,12 +211,6 @@ class RunFolder:
             self.file(f"pareto/{gait.name}.toml", gait.to_toml())
         self.file(SUMMARY_FILE, to_json(summary.to_dict()))
         return summary
-
-    def _write_asset(self, name: str, data: bytes) -> None:
-        path = self.path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_with(path, lambda temporary: temporary.write_bytes(data))
-        self._assets.append(path)
 
     def _remove_if_made(self) -> None:
         if self._made:

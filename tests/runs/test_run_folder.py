@@ -7,13 +7,16 @@ from pathlib import Path
 from typing import NoReturn
 
 import pytest
+from helpers import STRIDER, edited, problem_folder
+from hostility import CUBE
 from searching import run
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import Request
-from gaitopt.problem.problem import Problem
-from gaitopt.runs.folder import write_into
+from gaitopt.problem.model import nominal_mjcf
+from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.runs.folder import write_into, write_problem
 from gaitopt.runs.run_folder import RunFolder
 
 
@@ -75,3 +78,60 @@ def test_a_file_that_cannot_be_written_is_named_as_it_was_to_be(
     file = tmp_path / "figures" / "check.json"
     assert str(caught.value) == f"{file}: cannot be written: No space left on device"
     assert list(file.parent.iterdir()) == []
+
+
+def with_mesh(folder: Path, name: str) -> Problem:
+    """The strider with a mesh."""
+    problem_folder(folder, STRIDER)
+    element = f'<asset><mesh name="m" file="{name}"/></asset>'
+    edited(folder / "strider.xml", "</worldbody>", "</worldbody>" + element)
+    (folder / name).parent.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_bytes(CUBE)
+    return load_problem(folder)
+
+
+def test_the_files_that_a_model_names_are_in_a_run_folder(tmp_path: Path) -> None:
+    """At any depth, and they go again where the run ends before its first gait."""
+    problem, path = with_mesh(tmp_path / "robot", "assets/feet/m.obj"), tmp_path / "run"
+    with RunFolder.create(path, problem, Request()):
+        assert (path / "assets" / "feet" / "m.obj").read_bytes() == CUBE
+        assert nominal_mjcf(load_problem(path)) == (path / "model.xml").read_text()
+    assert not path.exists()
+    path.mkdir()
+    write_problem(path, problem, nominal_mjcf(problem))  # as a diagnosis does
+    assert nominal_mjcf(load_problem(path)) == (path / "model.xml").read_text()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("Figures/m.obj", "pareto/m.obj", "simulated-0123/m.obj", ".lock/m.obj", "a/.m.abcd1234.obj"),
+        *(".m.abcd1234.obj", "figures/speeds.OBJ"),
+    ],
+)
+def test_a_model_names_no_file_of_a_run(name: str, tmp_path: Path) -> None:
+    """The run would write over it, or remove it, and could not be resumed."""
+    problem = with_mesh(tmp_path / "robot", name)
+    with pytest.raises(GaitoptError, match="allowed: names that files of a run do not have"):
+        RunFolder.create(tmp_path / "run", problem, Request())
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("element", "name"),
+    [
+        ('<model name="n" file="{}"/>', "model.xml"),
+        *(('<hfield name="n" file="{}" size="1 1 1 1"/>', name) for name in ("run.toml", "evaluations.csv")),
+    ],
+)
+def test_an_attached_model_and_a_height_field_are_no_file_of_a_run(
+    element: str, name: str, tmp_path: Path
+) -> None:
+    folder = problem_folder(tmp_path / "robot", STRIDER, lambda c: c.update(model="strider.xml"))
+    asset = f"<asset>{element.format(name)}</asset>"
+    edited(folder / "strider.xml", "</worldbody>", "</worldbody>" + asset)
+    hfield = b"\2\0\0\0\2\0\0\0" + 16 * b"\0"
+    (folder / name).write_bytes(b"<mujoco/>" if name == "model.xml" else hfield)
+    problem = load_problem(folder)
+    with pytest.raises(GaitoptError, match="it names the file"):
+        RunFolder.create(tmp_path / "run", problem, Request())

@@ -50,7 +50,7 @@ TRUTH = {
 def cases(tmp_path: Path) -> Path:
     """Three diagnosed cases of the strider."""
     folder = tmp_path / "cases"
-    files = {f"nominal/{name}": text for name, text in nominal_files(load_problem(STRIDER)).items()}
+    files = {f"nominal/{name}": data.decode() for name, data in nominal_files(load_problem(STRIDER)).items()}
     for index in range(3):
         files[f"sealed/case-00{index}.json"] = json.dumps(TRUTH)
         files[f"diagnoses/case-00{index}/diagnosis.json"] = json.dumps(ANSWER)
