@@ -14,7 +14,7 @@ from gaitopt.core.files import csv_text
 from gaitopt.effects.active import Values
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
-from gaitopt.robot.signals import is_marker, measured_column_of
+from gaitopt.robot.signals import is_position, measured_column_of
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
@@ -48,7 +48,7 @@ def recording_of(
     time = np.arange(0.0, trajectory.time[-1] - max(begin_s, 0.0), 1.0 / fps)
     columns = {"t_s": time}
     for name in signals:
-        noise = noise_m if is_marker(name) else 2e-3
+        noise = noise_m if is_position(name) else 2e-3
         series = np.interp(time + begin_s, trajectory.time, trajectory[name])
         columns[measured_column_of(name)] = series + noise * rng.standard_normal(len(time))
     return columns

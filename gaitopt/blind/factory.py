@@ -17,7 +17,7 @@ from gaitopt.diagnose.gap.align import square_apart
 from gaitopt.diagnose.judge.small_errors import perturbed_robots
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
-from gaitopt.robot.signals import MARKER, is_marker, joint_signal
+from gaitopt.robot.signals import MARKER, is_position, joint_signal
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
@@ -139,7 +139,7 @@ class CaseFactory:
             other = others[name]
             if path.status != "ok" or other.status != "ok":
                 return math.inf
-            angles = [math.sqrt(square_apart(path, other, s)) for s in self.signals if not is_marker(s)]
+            angles = [math.sqrt(square_apart(path, other, s)) for s in self.signals if not is_position(s)]
             ratios.append(marker_distance(path, other) / self.floors[name])
             ratios += [angle / self.settings.joint_floor_rad / 3.0 for angle in angles]
         return max(ratios)

@@ -18,7 +18,7 @@ from gaitopt.blind.factory import CaseFactory, observed
 from gaitopt.core.files import csv_text, write_text
 from gaitopt.diagnose.judge.small_errors import with_small_errors
 from gaitopt.problem.records import Fidelity
-from gaitopt.robot.signals import is_marker, measured_column_of
+from gaitopt.robot.signals import is_position, measured_column_of
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
@@ -145,7 +145,7 @@ def _columns(
     for index, signal in enumerate(factory.signals):
         series = np.interp(time + begin, path.time, path[signal])
         noise = rng.standard_normal(len(time))
-        if is_marker(signal):
+        if is_position(signal):
             columns[measured_column_of(signal)] = series + origin[index] + camera.noise_m * noise
         else:
             columns[measured_column_of(signal)] = series + factory.settings.angle_noise_rad * noise

@@ -16,7 +16,7 @@ from gaitopt.diagnose.record.cycles import steady_from
 from gaitopt.diagnose.record.defect import Defect
 from gaitopt.effects import EFFECTS
 from gaitopt.problem.problem import Problem
-from gaitopt.robot.signals import is_marker, unit_of
+from gaitopt.robot.signals import is_position, unit_of
 
 SIGNIFICANT = 2.0
 """A gap of this many floors is significant: the gap of a correct model is below it in 95 of 100 cases."""
@@ -91,8 +91,8 @@ class TrialGap:
     @property
     def ratios(self) -> dict[str, float]:
         """Gap over floor, of the marker and of each angle."""
-        pairs = {n: (self.aligned.rms(n), f.total) for n, f in self.floors.items() if not is_marker(n)}
-        if any(map(is_marker, self.floors)):
+        pairs = {n: (self.aligned.rms(n), f.total) for n, f in self.floors.items() if not is_position(n)}
+        if any(map(is_position, self.floors)):
             pairs = {"marker": (self.aligned.marker_rms, marker_floor(self.floors))} | pairs
         return {name: gap / floor if floor > 0.0 else math.inf for name, (gap, floor) in pairs.items()}
 

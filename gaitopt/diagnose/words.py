@@ -9,7 +9,7 @@ from gaitopt.diagnose.judge.experiment import Experiment
 from gaitopt.diagnose.judge.gap import Gap
 from gaitopt.diagnose.judge.unevenness import UNEVEN
 from gaitopt.diagnose.trial_gap import SIGNIFICANT, TrialGap
-from gaitopt.robot.signals import is_marker
+from gaitopt.robot.signals import is_position
 
 _WORTH_SAYING = 0.15
 """Share of a signal's squared gap from which a component is put into words."""
@@ -132,7 +132,7 @@ def _trial(trial: TrialGap) -> str:
     worst = max(trial.ratios, key=lambda name: trial.ratios[name])
     start = "fitted" if trial.aligned.trial.starts_at_s is None else "as the data set says"
     offset = f"the recording begins at gait time {trial.aligned.offset_s:.2f} s ({start})"
-    if any(map(is_marker, trial.floors)):
+    if any(map(is_position, trial.floors)):
         floor = marker_floor(trial.floors)
         gap = (
             f"gap of {_mm(trial.aligned.marker_rms)} RMS, floor {_mm(floor)}, most of it {_main_part(trial)}"
@@ -152,7 +152,7 @@ def _main_part(trial: TrialGap) -> str:
     """Return what most of the marker's floor comes from."""
     sums: dict[str, float] = {}
     for name, floor in trial.floors.items():
-        if is_marker(name):
+        if is_position(name):
             for part in _FLOOR_PARTS:
                 sums[part] = sums.get(part, 0.0) + (getattr(floor, part) or 0.0) ** 2
     return _FLOOR_PARTS[max(sums, key=lambda part: sums[part])]
@@ -188,7 +188,7 @@ def _what(part: Split, component: str) -> str:
 
 
 def _length(part: Split, value: float) -> str:
-    return _mm(value) if is_marker(part.signal) else f"{value:.3g} rad"
+    return _mm(value) if is_position(part.signal) else f"{value:.3g} rad"
 
 
 def _mm(value: float) -> str:

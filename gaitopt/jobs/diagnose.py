@@ -21,6 +21,7 @@ from gaitopt.effects import EFFECTS
 from gaitopt.jobs.executor import opened
 from gaitopt.jobs.inputs import checked_seed
 from gaitopt.jobs.outputs import Out, Stopped, out_folder
+from gaitopt.problem.instruments import measurable_signals
 from gaitopt.problem.model import assets_beside, carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.diagnosis_folder import DIAGNOSIS_FILE, diagnosis_folder, read_diagnosis
@@ -104,9 +105,8 @@ class Question:
         Raises:
             GaitoptError: the model does not compile, or the data set is wrong.
         """
-        simulator = Simulator.build(problem)
-        dataset = load_dataset(folder, problem, [name for name in simulator.signals if name])
-        return Question(simulator, dataset, request)
+        dataset = load_dataset(folder, problem, measurable_signals(problem))
+        return Question(Simulator.build(problem.observing(dataset.sites)), dataset, request)
 
     def cache(self, folder: Path) -> SimulationCache:
         """Return the cache, in a run folder, of what a diagnosis of it simulates."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from gaitopt.gait.gait import Gait
 from gaitopt.jobs.inputs import check_positive, found_gait
 from gaitopt.jobs.outputs import writing
+from gaitopt.problem.instruments import measurable_signals
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import Simulator
@@ -103,6 +104,8 @@ def takes_of(simulator: Simulator, gaits: Sequence[Gait], options: FilmOptions) 
     from gaitopt.diagnose.record.dataset import load_dataset
     from gaitopt.report.film.ghost import trial_of
 
-    signals = [name for name in simulator.signals if name]
-    dataset = load_dataset(Path(options.measured), simulator.problem, signals)
+    problem = simulator.problem
+    dataset = load_dataset(Path(options.measured), problem, measurable_signals(problem))
+    if dataset.sites:
+        simulator = Simulator.build(problem.observing(dataset.sites))
     return [take_beside(simulator, trial_of(dataset, gait), length) for gait in gaits]

@@ -12,10 +12,13 @@ from gaitopt.effects.active import RobotEffects
 from gaitopt.effects.added import is_added, transferred
 from gaitopt.effects.parts import Parts
 from gaitopt.problem.mjcf import spec_of
-from gaitopt.problem.model import assets_for, compile_for, nominal_mjcf
+from gaitopt.problem.model import assets_for, build_model, compile_for, nominal_mjcf
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.start import START
-from gaitopt.robot.signals import AXES, MARKER, joint_signal
+from gaitopt.robot.signals import AXES, MARKER, joint_signal, kind_of, site_signals
+
+SITE_POSITION, SITE_TURN = "site_position", "site_turn"
+"""Kinds of raw signals of a site: coordinates in the world, m, and a quaternion; see `simulation.sites`."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,24 @@ def instruments(problem: Problem, model: mujoco.MjModel) -> list[Instrument]:
                 tuple(f"pad_speed.{pad}.{axis}" for axis in AXES),
             )
         )
+    for site in problem.observed:
+        named = {"objtype": "site", "objname": site}
+        found.append(Instrument("framepos", named, tuple(f"{SITE_POSITION}.{site}.{axis}" for axis in AXES)))
+        found.append(Instrument("framequat", named, tuple(f"{SITE_TURN}.{site}.{part}" for part in "wxyz")))
     return found
+
+
+def measurable_signals(problem: Problem) -> list[str]:
+    """Return the signals of a robot that a data set may hold: of marker, joints and sites.
+
+    Raises:
+        GaitoptError: the MJCF is missing, broken, or does not fit the problem.
+    """
+    model = build_model(problem)
+    named = [signal for one in instruments(problem, model) for signal in one.signals if signal]
+    sites = filter(None, (model.site(i).name for i in range(model.nsite)))
+    measured = [signal for signal in named if kind_of(signal) in ("marker", "joint")]
+    return [*measured, *(signal for site in sites for signal in site_signals(site))]
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -39,6 +39,7 @@ class Problem:
         baselines: the hand-tuned gaits by name.
         carried: content of the MJCF and of the files that it names, by path from its folder, for a problem
             that travels without its folder (see `model.carrying`); None where they are read from the disk.
+        observed: sites whose position and angles a simulation records, too; see `observing`.
     """
 
     file: ProblemFile
@@ -46,6 +47,7 @@ class Problem:
     model_path: Path
     baselines: Mapping[str, Gait]
     carried: Mapping[str, bytes] | None = None
+    observed: tuple[str, ...] = ()
 
     @staticmethod
     def load(reference: str | Path, parameters: Mapping[str, float] | None = None) -> Problem:
@@ -231,9 +233,14 @@ class Problem:
         simulation = self.simulation.model_copy(update={"horizon": horizon})
         return self._with(self.file.model_copy(update={"simulation": simulation}))
 
+    def observing(self, sites: Iterable[str]) -> Problem:
+        """Return the problem with some sites of its MJCF observed: their signals are simulated, too."""
+        return replace(self, observed=tuple(dict.fromkeys((*self.observed, *sites))))
+
     def _with(self, file: ProblemFile) -> Problem:
         """Return the problem with another content of its file and the same MJCF."""
-        return Problem.from_file(file, self.source, self.model_path, self.carried)
+        problem = Problem.from_file(file, self.source, self.model_path, self.carried)
+        return replace(problem, observed=self.observed)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the problem's file."""

@@ -1,8 +1,11 @@
-"""Names of signals: ``KIND.NAME``, such as ``marker.x`` or ``joint.mid_left``."""
+"""Names of signals: ``KIND.NAME``, such as ``marker.x``, ``joint.mid_left`` or ``site.tip.yaw``."""
 
 from __future__ import annotations
 
 AXES = "xyz"
+
+TURNS = ("roll", "pitch", "yaw")
+"""Angles of a site about forward, left and up."""
 
 MARKER = ("marker.x", "marker.y", "marker.z")
 """The marker's coordinates in the world, m."""
@@ -24,9 +27,12 @@ UNITS = {
 """Unit of each kind of signal, the part of its name before the dot, as a column suffix."""
 
 
-def is_marker(signal: str) -> bool:
-    """Return whether a signal is a coordinate of the marker, in m."""
-    return signal.startswith("marker.")
+def is_position(signal: str) -> bool:
+    """Return whether a measured signal is a coordinate, in m, of free origin: of the marker or of a site.
+
+    All other measured signals are angles.
+    """
+    return kind_of(signal) == "marker" or (kind_of(signal) == "site" and axis_of(signal) in AXES)
 
 
 def kind_of(signal: str) -> str:
@@ -39,14 +45,31 @@ def name_of(signal: str) -> str:
     return signal.partition(".")[2]
 
 
+def axis_of(signal: str) -> str:
+    """Return the last part of a signal's name: ``x`` of ``site.tip.x``."""
+    return signal.rpartition(".")[2]
+
+
 def unit_of(signal: str) -> str:
-    """Return the unit of a measured signal: ``m`` of the marker, ``rad`` of a joint."""
+    """Return the unit of a signal, as a column suffix; empty for none."""
+    if kind_of(signal) == "site":
+        return "m" if is_position(signal) else "rad"
     return UNITS[kind_of(signal)]
 
 
 def marker_signal(axis: str) -> str:
     """Return the signal of a coordinate of the marker, ``x``, ``y`` or ``z``, in m."""
     return f"marker.{axis}"
+
+
+def site_signals(site: str) -> list[str]:
+    """Return the signals of a site: its coordinates, m, and its angles, rad."""
+    return [f"site.{site}.{part}" for part in (*AXES, *TURNS)]
+
+
+def site_of(signal: str) -> str:
+    """Return the site of a signal: ``tip`` of ``site.tip.x``."""
+    return name_of(signal).rpartition(".")[0]
 
 
 def joint_signal(joint: str) -> str:
@@ -56,7 +79,7 @@ def joint_signal(joint: str) -> str:
 
 def column_of(signal: str) -> str:
     """Return the name of a signal's column in a CSV file, with its unit as suffix."""
-    unit = UNITS[kind_of(signal)]
+    unit = unit_of(signal)
     return f"{signal}_{unit}" if unit else signal
 
 

@@ -31,6 +31,7 @@ from gaitopt.simulation.commands import drive_commands, row_commands
 from gaitopt.simulation.effort import WorkBudget, resting_work
 from gaitopt.simulation.power import Flags, changes_of_power, held_while_unpowered, switch
 from gaitopt.simulation.scenario import NOMINAL, Scenario, disturb_start, scenario_model
+from gaitopt.simulation.sites import with_sites
 
 Array = NDArray[np.float64]
 
@@ -310,6 +311,8 @@ class Simulator:
         signals = {name: columns[i] for i, name in enumerate(self.signals) if name is not None}
         for index, name in enumerate(self.problem.channel_names):
             signals[f"target.{name}"] = commands[::every, index]
+        if self.problem.observed:
+            signals = with_sites(signals, self.problem.observed, self.problem.roles.axes)
         qpos = None if recorded.qpos is None else recorded.qpos[::every]
         return Trajectory(time[::every], signals, recorded.status, qpos)
 

@@ -12,6 +12,7 @@ from gaitopt.gait.drive import Drive
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
+from gaitopt.robot.rotation import rotation_matrices
 from gaitopt.robot.signals import MARKER
 from gaitopt.robot.trajectory import Trajectory
 
@@ -125,10 +126,4 @@ class Window:
     def rotation(self, every: int) -> Array:
         """Return the rotation matrix of the first body at one sample in `every`, shape (n, 3, 3)."""
         rows = slice(self.rows.start, self.rows.stop, every)
-        w, x, y, z = (self.trajectory[f"heading.{part}"][rows] for part in "wxyz")
-        matrix = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-        return np.moveaxis(np.array(matrix), -1, 0)
+        return rotation_matrices(*(self.trajectory[f"heading.{part}"][rows] for part in "wxyz"))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gaitopt.robot.roles import Roles
-from gaitopt.robot.signals import MARKER, UNITS, column_of, is_marker, joint_signal
+from gaitopt.robot.signals import MARKER, UNITS, column_of, is_position, joint_signal
 from gaitopt.robot.trajectory import Trajectory
 
 
@@ -12,8 +12,8 @@ def test_a_column_has_its_unit() -> None:
     assert [column_of(name) for name in ("marker.x", "rate.rear", "contacts")] == [
         "marker.x_m", "rate.rear_rad_s", "contacts",
     ]  # fmt: skip
-    assert all(is_marker(name) for name in MARKER)
-    assert not is_marker(joint_signal("mid_left"))
+    assert all(is_position(name) for name in MARKER)
+    assert not is_position(joint_signal("mid_left"))
     assert joint_signal("mid_left").partition(".")[0] in UNITS
 
 

@@ -9,7 +9,7 @@ from gaitopt.diagnose.fit.bins import Bins
 from gaitopt.diagnose.fit.settings import WhiteningSettings
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floors
-from gaitopt.robot.signals import is_marker
+from gaitopt.robot.signals import is_position
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def robot_covariance(aligned: Aligned, bins: Bins, changes: Array, settings: Whi
         own = bins.signal == index
         block = np.ix_(own, own)
         of_signal = changes[:, own]
-        if is_marker(name):
+        if is_position(name):
             of_signal = of_signal - of_signal.mean(axis=1, keepdims=True)
         size = float(np.mean(of_signal**2))
         shape = smooth[block] + settings.remainder_wander * wander[block]
@@ -69,10 +69,10 @@ def measurement_covariance(
         block, floor = np.ix_(own, own), floors[name]
         if floor.spread is not None:
             covariance[block] += max(0.0, floor.spread**2 - floor.noise**2) * within[block]
-        if is_marker(name):
+        if is_position(name):
             covariance[block] += settings.origin_m**2
         diagonal = np.flatnonzero(own)
-        least = settings.least_marker_m if is_marker(name) else settings.least_angle_rad
+        least = settings.least_marker_m if is_position(name) else settings.least_angle_rad
         covariance[diagonal, diagonal] += floor.noise**2 / counts[own] + least**2
     if aligned.trial.clock_s > 0.0:
         late = bins.means(aligned.simulated, aligned.offset_s + aligned.trial.clock_s)

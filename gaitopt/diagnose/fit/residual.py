@@ -26,7 +26,7 @@ from gaitopt.diagnose.fit.covariance import measurement_covariance, robot_covari
 from gaitopt.diagnose.fit.settings import WHITENING, WhiteningSettings
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floors
-from gaitopt.robot.signals import is_marker
+from gaitopt.robot.signals import is_position
 from gaitopt.robot.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -155,7 +155,7 @@ class WhitenedTrial:
             keep = trial.used[name]
             predicted = np.interp(trial.time[keep] + offset, trajectory.time, trajectory[name])
             residual = trial.signals[name][keep] - predicted
-            kinds[is_marker(name)].append(residual - residual.mean() if is_marker(name) else residual)
+            kinds[is_position(name)].append(residual - residual.mean() if is_position(name) else residual)
         return np.concatenate(kinds[True]), np.concatenate(kinds[False])
 
 
@@ -171,7 +171,7 @@ def by_signal(trials: Sequence[WhitenedTrial], marker: Array, angles: Array) -> 
     for one in trials:
         trial, parts = one.aligned.trial, {}
         for name in trial.signals:
-            kind, count = is_marker(name), int(trial.used[name].sum())
+            kind, count = is_position(name), int(trial.used[name].sum())
             parts[name], left[kind] = left[kind][:count], left[kind][count:]
         found.append(parts)
     return found

@@ -24,7 +24,7 @@ from gaitopt.effects.active import Values
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
-from gaitopt.robot.signals import is_marker
+from gaitopt.robot.signals import is_position
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
@@ -200,7 +200,7 @@ class _Batch:
 def _fits(known: Mapping[str, NDArray[np.float64]], trial_set: TrialSet) -> bool:
     """Return whether a result from the cache may be of these trials, by its names, lengths and numbers."""
     rows = [(name, len(rows)) for one in trial_set.trials for name, rows in one.bins.rows.items()]
-    angles = sum(count for name, count in rows if not is_marker(name))
+    angles = sum(count for name, count in rows if not is_position(name))
     lengths = {"whitened": len(trial_set.row_blocks), "apart": len(trial_set.sample_trials), "angles": angles}
     same = {name: len(array) for name, array in known.items()} == lengths
     return same and bool(np.isfinite(known["whitened"]).all())

@@ -16,7 +16,7 @@ from scipy.linalg import solve_triangular
 
 from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.problem.problem import Problem
-from gaitopt.robot.signals import is_marker
+from gaitopt.robot.signals import is_position
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
@@ -86,7 +86,7 @@ class TrialSet:
             row_blocks.append(first + numbers)
             block_trials += [index] * len(present)
             for name, rows in one.bins.rows.items():
-                if is_marker(name):
+                if is_position(name):
                     sample_trials += [index] * len(rows)
                     sample_blocks += (first + numbers[rows]).tolist()
             first += len(present)

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.gap.settings import DEFAULT, AlignSettings
 from gaitopt.diagnose.record.trial import Series, Trial
-from gaitopt.robot.signals import is_marker
+from gaitopt.robot.signals import is_position
 from gaitopt.robot.trajectory import Trajectory
 
 
@@ -44,13 +44,13 @@ class Aligned:
     @property
     def marker_rms(self) -> float:
         """RMS distance between measured and predicted marker over the measured axes, m."""
-        return float(np.sqrt(sum(self.rms(name) ** 2 for name in self.trial.signals if is_marker(name))))
+        return float(np.sqrt(sum(self.rms(name) ** 2 for name in self.trial.signals if is_position(name))))
 
 
 def square_apart(one: Trajectory, other: Trajectory, signal: str) -> float:
     """Return the mean squared difference of a signal, m² or rad²; a marker's origin is removed."""
     apart = one[signal] - np.interp(one.time, other.time, other[signal])
-    return float(apart.var() if is_marker(signal) else np.mean(apart**2))
+    return float(apart.var() if is_position(signal) else np.mean(apart**2))
 
 
 def align(trial: Trial, simulated: Trajectory, settings: AlignSettings = DEFAULT.align) -> Aligned:
@@ -77,7 +77,7 @@ def align(trial: Trial, simulated: Trajectory, settings: AlignSettings = DEFAULT
     for name, series in trial.signals.items():
         raw = np.interp(time, simulated.time, simulated[name])
         difference = np.where(trial.used[name], series - raw, np.nan)
-        origin = float(np.nanmean(difference)) if is_marker(name) else 0.0
+        origin = float(np.nanmean(difference)) if is_position(name) else 0.0
         predicted[name], residual[name] = raw + origin, difference - origin
     return Aligned(trial, simulated, offset, time, predicted, residual)
 
@@ -117,7 +117,7 @@ def pooled_marker_rms(trials: Sequence[Aligned]) -> float:
     """Return the RMS marker error over all samples of some trials, m; 0 where no marker was measured."""
     total, samples = 0.0, 0
     for aligned in trials:
-        counts = [np.isfinite(aligned.residual[n]).sum() for n in aligned.residual if is_marker(n)]
+        counts = [np.isfinite(aligned.residual[n]).sum() for n in aligned.residual if is_position(n)]
         if counts:
             total += aligned.marker_rms**2 * int(max(counts))
             samples += int(max(counts))

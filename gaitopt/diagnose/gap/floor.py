@@ -23,7 +23,7 @@ from gaitopt.diagnose.record.cycles import Cycles, cycle_means, steady, steady_f
 from gaitopt.diagnose.record.noise import noise_of
 from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.problem.records import Fidelity
-from gaitopt.robot.signals import is_marker
+from gaitopt.robot.signals import is_position
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import NOMINAL, Scenario
@@ -68,7 +68,7 @@ Floors = Mapping[str, Floor]
 
 def marker_floor(floors: Floors) -> float:
     """Return the floor of the marker's distance, over the measured axes, m."""
-    return math.sqrt(sum(floor.total**2 for name, floor in floors.items() if is_marker(name)))
+    return math.sqrt(sum(floor.total**2 for name, floor in floors.items() if is_position(name)))
 
 
 def measure_floors(
@@ -129,7 +129,7 @@ def _start_poses(simulator: Simulator, seed: int, settings: FloorSettings) -> tu
 
 def _noise(trial: Trial, name: str) -> float:
     """Return the standard deviation of a signal's noise, m or rad."""
-    if trial.noise_m is not None and is_marker(name):
+    if trial.noise_m is not None and is_position(name):
         return trial.noise_m
     return noise_of(trial.signals[name][trial.used[name]])
 

@@ -12,7 +12,7 @@ from gaitopt.diagnose.record.cycles import Cycles, steady
 from gaitopt.diagnose.record.defect import Defect
 from gaitopt.diagnose.record.noise import block_range
 from gaitopt.diagnose.record.trial import Series, Trial
-from gaitopt.robot.signals import name_of
+from gaitopt.robot.signals import axis_of
 from gaitopt.robot.trajectory import Trajectory
 
 _LENGTHS = {"they may be millimetres": 1e3, "they may be centimetres": 1e2}
@@ -32,14 +32,14 @@ def mismatches(
     """
     trial = aligned.trial
     for check in _OF_MOST_COORDINATES:
-        found = [check(trial, aligned.simulated, name, settings) for name in trial.markers]
+        found = [check(trial, aligned.simulated, name, settings) for name in trial.positions]
         defects = [defect for defect in found if defect is not None]
         if 2 * len(defects) > len(found):
             yield defects[0]
             return
-    for name in trial.markers:
+    for name in trial.positions:
         if _is_reversed(aligned, name, transient, settings):
-            axis = name_of(name)
+            axis = axis_of(name)
             message = (
                 f"{name} moves against the simulated one: does {axis} grow the other way, as in an image?"
             )

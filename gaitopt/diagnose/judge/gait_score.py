@@ -16,7 +16,7 @@ from gaitopt.diagnose.gap.predict import Run, predict_runs
 from gaitopt.diagnose.judge.evidence import probabilities
 from gaitopt.diagnose.judge.settings import EXPERIMENT, ExperimentSettings
 from gaitopt.gait.drive import Drive
-from gaitopt.robot.signals import is_marker
+from gaitopt.robot.signals import is_position
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
@@ -116,7 +116,7 @@ class GaitScorer:
         perturbed = [(candidates[index], path) for (index, _), path in pairs]
         squares = np.zeros((count, count))
         for signal in self.signals:
-            noise = settings.noise_m if is_marker(signal) else settings.angle_noise_rad
+            noise = settings.noise_m if is_position(signal) else settings.angle_noise_rad
             unknown = np.mean([square_apart(centre, path, signal) for centre, path in perturbed])
             floor = noise**2 + settings.caution * unknown
             for i, one in enumerate(candidates):

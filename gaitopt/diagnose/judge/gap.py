@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.judge.candidates import Candidate
-from gaitopt.robot.signals import is_marker
+from gaitopt.robot.signals import is_position
 
 Array = NDArray[np.float64]
 
@@ -109,7 +109,7 @@ class GapMeter:
             trial: one trial; None for all together.
         """
         trial_set, count = self.trial_set, self.trial_set.n_blocks
-        axes = max(1, sum(map(is_marker, trial_set.trials[0].bins.rows)))
+        axes = max(1, sum(map(is_position, trial_set.trials[0].bins.rows)))
         before, after = (
             np.bincount(trial_set.sample_blocks, residual**2, minlength=count).astype(float)
             for residual in (self.nominal.marker, candidate.marker)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -24,12 +24,12 @@ from gaitopt.gait.drive import Drive
 from gaitopt.gait.gait import read_gait
 from gaitopt.gait.logged import SAMPLES_PER_BLOCK, LoggedCommands
 from gaitopt.problem.problem import Problem
-from gaitopt.robot.signals import kind_of
+from gaitopt.robot.signals import is_position, kind_of, site_of, site_signals
 
 DATASET_FILE = "dataset.toml"
 
-UNITS = {"marker": LENGTH, "joint": ANGLE}
-"""Kinds of signals that can be measured, and the units of their columns by suffix."""
+_KINDS = ("marker", "joint", "site")
+"""Kinds of signals that can be measured."""
 
 _WHOLE_CYCLES = 2
 """A trial of a gait has at least this many cycles, so that differences between them can be seen."""
@@ -119,6 +119,12 @@ class DataSet:
     source: Path
     trials: tuple[Trial, ...]
 
+    @property
+    def sites(self) -> list[str]:
+        """The sites that were measured."""
+        names = [name for trial in self.trials for name in trial.signals if kind_of(name) == "site"]
+        return list(dict.fromkeys(map(site_of, names)))
+
 
 def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> DataSet:
     """Return the data set in a folder.
@@ -126,7 +132,8 @@ def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> Data
     Args:
         folder: the folder that holds ``dataset.toml``, or the file.
         problem: the problem whose robot was measured.
-        known: signals that the robot has, as its simulator names them.
+        known: signals that the robot has; see `measurable_signals`. Those that cannot be measured do not
+            count.
 
     Raises:
         GaitoptError: a file, key, column, unit, signal, channel or gait is wrong, or a recording goes back
@@ -140,7 +147,7 @@ def load_dataset(folder: Path, problem: Problem, known: Collection[str]) -> Data
     repeated = next((name for name, count in Counter(names).items() if count > 1), None)
     if repeated is not None:
         raise GaitoptError(f"{path}: trial {repeated!r} appears twice; allowed: one of each name")
-    measurable = sorted(name for name in known if kind_of(name) in UNITS)
+    measurable = sorted(name for name in known if kind_of(name) in _KINDS)
     trials = [_trial(entry, path, problem, measurable) for entry in file.trial]
     return DataSet(path, tuple(shared_starts(trials)))
 
@@ -150,7 +157,7 @@ def _trial(entry: TrialFile, path: Path, problem: Problem, measurable: list[str]
     drive = _drive(entry, path, problem, source)
     for signal in entry.signals:
         if signal not in measurable:
-            raise unknown_name(source, "signal", signal, measurable)
+            raise _unknown_signal(signal, measurable, source)
     table = read_csv(_beside(path, entry.file, f"{source}: file"))
     time = _time(table, entry, drive, source)
     signals = {name: _series(table, name, column, source) for name, column in entry.signals.items()}
@@ -159,6 +166,17 @@ def _trial(entry: TrialFile, path: Path, problem: Problem, measurable: list[str]
     if isinstance(drive, LoggedCommands):
         starts = None if starts is None else starts - drive.first_s
     return Trial(entry.name, drive, time, signals, used, starts, entry.noise_m, entry.fps)
+
+
+def _unknown_signal(signal: str, measurable: Sequence[str], source: str) -> GaitoptError:
+    """Return the error for a signal that the robot does not have."""
+    sites = list(dict.fromkeys(site_of(name) for name in measurable if kind_of(name) == "site"))
+    if kind_of(signal) == "site" and signal.count(".") > 1 and site_of(signal) not in sites:
+        return unknown_name(source, "site", site_of(signal), sites)
+    if kind_of(signal) == "site" and site_of(signal) in sites:
+        return unknown_name(source, "signal", signal, site_signals(site_of(signal)))
+    others = [name for name in measurable if kind_of(name) != "site"]
+    return unknown_name(source, "signal", signal, [*others, *(["site.NAME.x"] if sites else [])])
 
 
 def _drive(entry: TrialFile, path: Path, problem: Problem, source: str) -> Drive:
@@ -222,9 +240,18 @@ def _series(table: TextTable, signal: str, column: str, source: str) -> Series:
     """Return a measured signal, m or rad, shape (n,); NaN where its cell is blank."""
     if column not in table.head:
         raise unknown_name(f"{source}: signals.{signal}: {table.source}", "column", column, table.head)
-    scale = suffix_scale(source, f"signals.{signal}", column, UNITS[kind_of(signal)])
-    series = table.column(column) * scale
+    units = LENGTH if is_position(signal) else ANGLE
+    series = table.column(column) * suffix_scale(source, f"signals.{signal}", column, units)
     if not np.isfinite(series).any():
         raise GaitoptError(f"{table.source}: column {column} holds no number")
-    series[~np.isfinite(series)] = np.nan
+    measured = np.isfinite(series)
+    series[~measured] = np.nan
+    if kind_of(signal) == "site" and not is_position(signal):  # as the simulation gives it
+        series[measured] = _unwrapped(series[measured])
     return series
+
+
+def _unwrapped(angles: Series) -> Series:
+    """Return angles without jumps of a turn, the first between -pi and pi, rad, shape (n,)."""
+    turns: Series = np.unwrap(angles)
+    return turns - 2.0 * math.pi * round(float(turns[0]) / (2.0 * math.pi))

@@ -68,7 +68,9 @@ def spans_of(time: Series, flags: Flags) -> tuple[tuple[float, float], ...]:
 def bridged(trial: Trial) -> dict[str, Series]:
     """Return the marker's coordinates, interpolated over the samples that do not count, m."""
     return {
-        name: np.interp(trial.time, *trial.counted(name)) for name in trial.markers if trial.used[name].any()
+        name: np.interp(trial.time, *trial.counted(name))
+        for name in trial.positions
+        if trial.used[name].any()
     }
 
 

@@ -51,12 +51,12 @@ def frozen(trial: Trial, settings: DefectSettings) -> Found:
 def _frozen_flags(trial: Trial, settings: FrameSettings) -> Flags:
     """Return which frames repeat the one before, where the marker jumps afterwards to catch up."""
     same = np.logical_and.reduce([np.diff(series) == 0.0 for series in trial.signals.values()])
-    limits = {name: _jump(series, settings) for name, series in trial.markers.items()}
+    limits = {name: _jump(series, settings) for name, series in trial.positions.items()}
     flags = np.zeros(len(trial.time), dtype=bool)
     for begin, end in runs(same):
         if end - begin < settings.frozen_samples - 1 or end + 1 >= len(trial.time):
             continue
-        jumped = [abs(float(s[end + 1] - s[end])) > limits[name] for name, s in trial.markers.items()]
+        jumped = [abs(float(s[end + 1] - s[end])) > limits[name] for name, s in trial.positions.items()]
         flags[begin + 1 : end + 1] |= any(jumped)
     return flags
 

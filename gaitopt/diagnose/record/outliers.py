@@ -20,11 +20,11 @@ def outliers(trial: Trial, settings: DefectSettings) -> Found:
     flags = _outlier_flags(trial, settings.outliers)
     if not flags.any():
         return trial, None
-    cleaned = trial.masked(flags, "marker")
+    cleaned = trial.masked(flags, trial.positions)
     better = bridged(cleaned)
     strayed = [np.abs(trial.signals[name] - series)[flags] for name, series in better.items()]
     farthest = float(np.nanmax(np.concatenate([[0.0], *strayed])))
-    measured = np.logical_or.reduce([trial.used[name] for name in trial.markers])
+    measured = np.logical_or.reduce([trial.used[name] for name in trial.positions])
     share = float(flags.sum() / measured.sum())
     count = int(flags.sum())
     message = (
@@ -43,7 +43,7 @@ def _outlier_flags(trial: Trial, settings: OutlierSettings) -> Flags:
     flags = np.zeros(len(trial.time), dtype=bool)
     in_a_block = trial.drive.block_s / trial.frame_s / settings.windows_per_block
     window = int(np.clip(in_a_block, settings.least_window, settings.window)) // 2 * 2 + 1
-    for name in trial.markers:
+    for name in trial.positions:
         keep = np.flatnonzero(trial.used[name])
         if len(keep) < settings.window:
             continue

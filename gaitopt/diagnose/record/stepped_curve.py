@@ -22,7 +22,7 @@ def stepped_curve(trial: Trial, settings: DefectSettings) -> Found:
     for grid in settings.clock.grids_s:
         if not stepped.frames_per_grid * trial.frame_s < grid <= period / stepped.grids_per_period:
             continue
-        for name in trial.markers:
+        for name in trial.positions:
             begin = _stepped_from(trial, name, grid, stepped)
             if begin is not None:
                 return _masked(trial, grid, begin, stepped)
@@ -32,7 +32,7 @@ def stepped_curve(trial: Trial, settings: DefectSettings) -> Found:
 def _masked(trial: Trial, grid: float, begin: float, settings: SteppedCurveSettings) -> Found:
     """Return a trial without its samples from `begin` on, s."""
     flags = trial.time >= begin
-    better = {other: _between_lines(trial, other, grid, flags, settings) for other in trial.markers}
+    better = {other: _between_lines(trial, other, grid, flags, settings) for other in trial.positions}
     count = int(flags.sum())
     message = (
         f"time stamps are rounded to {grid:g} s from t = {begin:.2f} s on: the curve moves at "

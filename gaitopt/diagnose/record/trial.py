@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.gait.drive import Drive
-from gaitopt.robot.signals import is_marker, kind_of
+from gaitopt.robot.signals import is_position
 
 Series = NDArray[np.float64]
 """One number per sample, shape (n,) unless said otherwise."""
@@ -27,8 +27,9 @@ class Trial:
         drive: what was commanded.
         time: time stamps on the recording's own clock, s, shape (n,), never decreasing. Several samples may
             share one stamp, as in curves read off a plot with vertical lines.
-        signals: measured series, each of shape (n,): ``marker.x|y|z`` in m, of arbitrary origin, and
-            ``joint.NAME`` in rad; NaN where nothing was measured.
+        signals: measured series, each of shape (n,): ``marker.x|y|z`` and ``site.NAME.x|y|z`` in m, of
+            arbitrary origin, ``joint.NAME`` and ``site.NAME.roll|pitch|yaw`` in rad; NaN where nothing was
+            measured.
         used: for each signal which samples count, shape (n,): measured, and not masked as a defect.
         starts_at_s: gait time at the recording's zero, s; None where it is not known.
         noise_m: standard deviation of the marker's noise, m, if it is known.
@@ -59,19 +60,19 @@ class Trial:
         return float(np.median(steps[steps > 0.0]))
 
     @property
-    def markers(self) -> dict[str, Series]:
-        """The marker's coordinates by signal, m."""
-        return {name: series for name, series in self.signals.items() if is_marker(name)}
+    def positions(self) -> dict[str, Series]:
+        """The coordinates of the marker and of sites by signal, m."""
+        return {name: series for name, series in self.signals.items() if is_position(name)}
 
     def counted(self, signal: str) -> tuple[Series, Series]:
         """Return time stamps, s, and values of those samples of a signal that count."""
         keep = self.used[signal]
         return self.time[keep], self.signals[signal][keep]
 
-    def masked(self, flags: Flags, kind: str | None = None) -> Trial:
-        """Return the trial without some samples, of every signal or of those of one kind."""
+    def masked(self, flags: Flags, signals: Collection[str] | None = None) -> Trial:
+        """Return the trial without some samples, of every signal or of those named."""
         used = {
-            name: keep & ~flags if kind is None or kind_of(name) == kind else keep
+            name: keep & ~flags if signals is None or name in signals else keep
             for name, keep in self.used.items()
         }
         return replace(self, used=used)

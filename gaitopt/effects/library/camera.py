@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from gaitopt.effects.effect import Effect
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
-from gaitopt.robot.signals import MARKER
+from gaitopt.robot.rotation import matrices_of_angles, roll_pitch_yaw
+from gaitopt.robot.signals import MARKER, kind_of, site_of, site_signals
 from gaitopt.robot.trajectory import Trajectory
 
 
@@ -32,8 +33,25 @@ def moved_marker(
     return replace(trajectory, signals=signals)
 
 
+def moved_sites(trajectory: Trajectory, turn: NDArray[np.float64], scale: float = 1.0) -> Trajectory:
+    """Return the trajectory with other paths and angles of the sites that are observed.
+
+    Args:
+        trajectory: what is filmed; sites are in the problem's axes.
+        turn: rotation of what is seen, in the problem's axes, shape (3, 3).
+        scale: seen over true length.
+    """
+    signals = dict(trajectory.signals)
+    for site in dict.fromkeys(site_of(name) for name in signals if kind_of(name) == "site"):
+        names = site_signals(site)
+        position, angles = np.split(np.stack([signals[name] for name in names]), 2)
+        seen = np.unwrap(roll_pitch_yaw(turn @ matrices_of_angles(*angles)))
+        signals |= dict(zip(names, [*(scale * turn @ position), *seen], strict=True))
+    return replace(trajectory, signals=signals)
+
+
 def _scale(trajectory: Trajectory, scale: float, _: Parts, __: np.random.Generator) -> Trajectory:
-    return moved_marker(trajectory, lambda path: scale * path)
+    return moved_sites(moved_marker(trajectory, lambda path: scale * path), np.eye(3), scale)
 
 
 CAMERA_SCALE = Effect(
@@ -60,7 +78,7 @@ def _tilt(trajectory: Trajectory, angle: float, parts: Parts, _: np.random.Gener
     cosine, sine = math.cos(angle), math.sin(angle)
     turn = np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
     rotation = axes.T @ turn @ axes
-    return moved_marker(trajectory, lambda path: path @ rotation.T)
+    return moved_sites(moved_marker(trajectory, lambda path: path @ rotation.T), turn)
 
 
 CAMERA_TILT = Effect(

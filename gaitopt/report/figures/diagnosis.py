@@ -28,7 +28,7 @@ from gaitopt.report.figures.style import (
     stacked_panels,
 )
 from gaitopt.report.letters import WIDEST_IN_LEGEND, drawable
-from gaitopt.robot.signals import is_marker, name_of
+from gaitopt.robot.signals import is_position, name_of
 
 _SHOWN = 12
 """Candidates in the ranking."""
@@ -187,7 +187,7 @@ def held_out(diagnosis: Diagnosis, found: Causes) -> Figure:
 
 def _rms_of(trial_set: TrialSet, apart: NDArray[np.float64], trial: int) -> float:
     """Return the RMS distance of measured and simulated marker in one trial, mm."""
-    axes = sum(is_marker(name) for name in trial_set.trials[trial].bins.rows)
+    axes = sum(is_position(name) for name in trial_set.trials[trial].bins.rows)
     own = apart[trial_set.sample_trials == trial]
     return float(1e3 * np.sqrt(axes * np.mean(own**2)))
 
@@ -226,8 +226,8 @@ def gap_map(diagnosis: Diagnosis) -> Figure:
 
 
 def _scale(name: str) -> float:
-    return 1e3 if is_marker(name) else float(np.rad2deg(1.0))
+    return 1e3 if is_position(name) else float(np.rad2deg(1.0))
 
 
 def _label(name: str) -> str:
-    return f"{drawable(name_of(name), WIDEST_IN_LEGEND)} [mm]" if is_marker(name) else "angle [°]"
+    return f"{drawable(name_of(name), WIDEST_IN_LEGEND)} [mm]" if is_position(name) else "angle [°]"
