@@ -12,13 +12,10 @@ import mujoco
 import numpy as np
 
 from gaitopt.effects.effect import Effect
+from gaitopt.effects.library.dry_friction import stiffen_friction
 from gaitopt.effects.library.servo import torque_scale
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
-
-_SOLREF = (2e-3, 1.0)
-_SOLIMP = (0.9999, 0.9999, 1e-3, 0.5, 2.0)
-"""Dry friction that holds: with MuJoCo's default impedance a joint held by friction creeps."""
 
 _OFF_CENTRE = 0.05
 """A hinge counts as left or right beyond this share of the outermost hinge's distance from the middle."""
@@ -121,8 +118,7 @@ HINGE_DAMPING = Effect(
 def _add_friction(parts: Parts, torque: float, _: float) -> None:
     dofs = parts.model.jnt_dofadr[parts.hinges]
     parts.model.dof_frictionloss[dofs] += torque
-    parts.model.dof_solref[dofs] = _SOLREF
-    parts.model.dof_solimp[dofs] = _SOLIMP
+    stiffen_friction(parts.model, dofs)
 
 
 HINGE_FRICTION = Effect(

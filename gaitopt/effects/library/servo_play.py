@@ -28,7 +28,8 @@ def _add_rotor(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
     """Give the servo a joint of its own, which moves the link between two stops.
 
     The rotor turns about an axis fixed in the world. All its inertia is armature, which acts along its
-    own coordinate only. The link's joint keeps its name, limits, springs and couplings.
+    own coordinate only. The link's joint keeps its name, limits, springs and couplings; its dry friction is
+    the servo's.
     """
     for index, joint in zip(nominal.servos, nominal.servo_joints, strict=True):
         actuator, link = spec.actuators[index], spec.joints[joint]
@@ -41,6 +42,8 @@ def _add_rotor(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
         link.armature *= _LINK_SHARE
         damping = np.array(link.damping)
         rotor.damping, link.damping = (1.0 - _LINK_SHARE) * damping, _LINK_SHARE * damping
+        rotor.frictionloss, link.frictionloss = link.frictionloss, 0.0
+        rotor.solref_friction, rotor.solimp_friction = link.solref_friction, link.solimp_friction
         actuator.target = name
         play = spec.add_tendon(
             name=name,
