@@ -14,6 +14,9 @@ from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.robot.signals import is_position
 from gaitopt.robot.trajectory import Trajectory
 
+LONGEST_OFFSET_S = 2.0
+"""Longest offset between the clocks of a log of commands and of a recording, s."""
+
 
 @dataclass(frozen=True)
 class Aligned:
@@ -57,9 +60,9 @@ def align(trial: Trial, simulated: Trajectory, settings: AlignSettings = DEFAULT
     """Return a trial aligned with a prediction, its origin and its offset in time fitted.
 
     The origin of the marker's coordinates is free, that of angles is not. Where the gait time of the
-    recording's start is unknown, offsets between one block before and one block after are tried. The best
-    one leaves the least squared residual about a line, so that a difference in speed does not matter. All
-    signals weigh the same, each scaled by its own spread.
+    recording's start is unknown, offsets within `longest_offset` are tried. The best one leaves the least
+    squared residual about a line, so that a difference in speed does not matter. All signals weigh the same,
+    each scaled by its own spread.
 
     Args:
         trial: the trial.
@@ -97,11 +100,23 @@ def _best_offset(trial: Trial, simulated: Trajectory, settings: AlignSettings) -
             for time, measured, s in terms
         )
 
-    offsets = np.linspace(-trial.drive.block_s, trial.drive.block_s, settings.offsets)
+    longest = longest_offset(trial)
+    offsets = np.linspace(-longest, longest, settings.offsets)
     best = int(np.argmin([cost(offset) for offset in offsets.tolist()]))
     bounds = (float(offsets[max(0, best - 1)]), float(offsets[min(len(offsets) - 1, best + 1)]))
     refined = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": settings.precision_s})
     return float(refined.x)
+
+
+def longest_offset(trial: Trial) -> float:
+    """Return how far from gait time 0 a recording with an unknown start may begin, before or after it, s.
+
+    It is one cycle of a gait. Commands without a period were logged by another clock: it is half of the
+    recording, and no more than `LONGEST_OFFSET_S`.
+    """
+    if trial.drive.period_s is not None:
+        return trial.drive.block_s
+    return min(LONGEST_OFFSET_S, 0.5 * float(trial.time[-1] - trial.time[0]))
 
 
 def without_line(time: Series, series: Series) -> Series:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
+from gaitopt.diagnose.gap.align import longest_offset
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.drive import Drive
 from gaitopt.robot.trajectory import Trajectory
@@ -55,7 +56,7 @@ def observed_rollout(simulator: Simulator, drive: Drive, scenario: int, duration
 
 def latest_gait_time(trial: Trial) -> float:
     """Return the latest gait time at which a trial may end, s."""
-    latest = trial.drive.block_s if trial.starts_at_s is None else trial.starts_at_s
+    latest = longest_offset(trial) if trial.starts_at_s is None else trial.starts_at_s
     return max(float(trial.time[-1]) + latest, trial.drive.block_s)
 
 

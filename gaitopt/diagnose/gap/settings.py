@@ -13,7 +13,8 @@ class AlignSettings:
     """How an unknown offset in time is searched.
 
     Attributes:
-        offsets: offsets tried over two blocks before the best is refined: 5 ms apart at blocks of 1 s.
+        offsets: offsets tried before the best is refined: 5 ms apart where a gait's cycle lasts 1 s, 10 ms
+            at most where commands were logged.
         precision_s: precision of the refined offset, s.
     """
 
@@ -26,13 +27,15 @@ class FloorSettings:
     """How the floor is measured.
 
     Attributes:
-        start_poses: number of start poses drawn; their size is that of the problem's scenarios.
+        start_poses: number of start poses drawn; see `floor` for their size.
         halved: the error by the timestep is this many times the change when the timestep is halved. It is 2
             for a method of first order, and contact makes every method one of first order.
+        quietest: of the recordings of one sensor this share is quieter than the noise that is taken for all.
     """
 
     start_poses: int = 4
     halved: float = 2.0
+    quietest: float = 0.25
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,52 @@ class SplitSettings:
 
 
 @dataclass(frozen=True)
+class CommandSplitSettings:
+    """How a gap under commands without a period is split into its components.
+
+    Attributes:
+        longest_lag_s: longest delay tried, s: several times what passes between a command and a hobby servo's
+            first motion (0.05 s).
+        longest_lag: longest delay tried, as a share of the recording.
+        delays: number of delays tried,
+        finer: and between the neighbours of the best.
+        limits: limits of the speed tried, over the top speed of the slower curve.
+        behind: a limit counts where it changes the quicker curve by this share of the slower one's range.
+        at_limit: in this share of the samples where it counts, the slower curve must run at it,
+        near_limit: to within this share of it.
+        least: a component is fitted while it removes this share of the gap's mean square,
+        chance: and this many times what a constant fitted to noise alone removes.
+        rounds: most components fitted; one may come again after another.
+        points_per_frame: points of a simulated curve between two samples,
+        points: and about this many in all where there are many samples.
+        settle_s: what is left this soon after a jump of the command belongs to that jump, s. Ringing of a
+            servo (8 Hz, damping of 0.2) falls below a tenth in that time.
+        near_top: motion is at its limit if it has this share of its top speed,
+        ahead_s: and the command is further ahead than the motion comes in this time, s: more than the lag of
+            a servo that follows.
+        slow_s: length of the smoothing that divides slow from fast, s. Stick and slip is faster (4 to 8 Hz).
+    """
+
+    longest_lag_s: float = 0.25
+    longest_lag: float = 0.5
+    delays: int = 101
+    finer: int = 21
+    limits: tuple[float, ...] = (0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05)
+    near_limit: float = 0.2
+    behind: float = 0.02
+    at_limit: float = 0.75
+    least: float = 0.01
+    chance: float = 8.0
+    rounds: int = 8
+    points_per_frame: int = 4
+    points: int = 4000
+    settle_s: float = 0.3
+    near_top: float = 0.7
+    ahead_s: float = 0.2
+    slow_s: float = 0.5
+
+
+@dataclass(frozen=True)
 class GapSettings:
     """Settings of everything that compares measured with simulated trials, from their cleaning on."""
 
@@ -96,6 +145,7 @@ class GapSettings:
     floor: FloorSettings = FloorSettings()
     mismatches: MismatchSettings = MismatchSettings()
     split: SplitSettings = SplitSettings()
+    split_commands: CommandSplitSettings = CommandSplitSettings()
 
 
 DEFAULT = GapSettings()

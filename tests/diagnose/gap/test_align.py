@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from responses import Servo, commands, recorded
 from walks import GAIT, wave
 
 from gaitopt.diagnose.diagnosis import Diagnosis
-from gaitopt.diagnose.gap.align import align, pooled_marker_rms
+from gaitopt.diagnose.gap.align import align, longest_offset, pooled_marker_rms
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.robot.trajectory import Trajectory
 
@@ -36,3 +38,33 @@ def test_trials_are_pooled_by_samples() -> None:
         trials.append(align(trial, fine))
     residuals = np.concatenate([aligned.residual["marker.x"] for aligned in trials])
     assert pooled_marker_rms(trials) == pytest.approx(math.sqrt(np.mean(residuals**2)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "offset"),
+    [
+        ("step", -0.4),  # later than the step there would be nothing to see
+        ("ramp", 0.9),
+        ("square", -1.3),
+        ("square", 0.9),
+        ("telegraph", -1.3),
+        ("telegraph", 0.0),
+        ("chirp", 0.9),
+        ("triangle", -0.4),
+    ],
+)
+def test_the_clock_of_a_log_may_be_far_from_that_of_the_recording(kind: str, offset: float) -> None:
+    """Recording and log have clocks of their own, and the servo is another one than simulated."""
+    drive = replace(commands(kind, 0.8, 4.0), block_s=0.25)
+    measured = Servo(hz=6.0, damping=0.6).follow(drive, 7.0)
+    trial = recorded(measured, drive, 4.0, lambda time, response: response(time + offset))
+    unknown = replace(trial, starts_at_s=None)
+    assert longest_offset(unknown) == pytest.approx(2.0, abs=0.02)
+    aligned = align(unknown, Servo().follow(drive, 7.0))
+    assert aligned.offset_s == pytest.approx(offset, abs=0.04)
+
+
+def test_a_short_recording_of_a_log_is_searched_over_half_its_length() -> None:
+    drive = commands("step", 0.16, 0.24)
+    trial = replace(recorded(Servo().follow(drive, 0.5), drive, 0.24), starts_at_s=None)
+    assert longest_offset(trial) == pytest.approx(0.11)
