@@ -4,6 +4,12 @@ Four things keep a correct model from fitting exactly: the noise of the recordin
 cycle to cycle or from run to run; a start pose that is known to a few milliradians; and the simulator's
 timestep. Each is measured, from the data or by simulations at the fidelity of the diagnosis. They add in
 squares.
+
+Commands without a period have no cycles, but repeats. Where a drive has none, the repeats of other drives
+tell how repeatable the robot is: they differ as if each motion came late by chance. So the spread of repeats
+is divided by the RMS speed of their motion. The median of these times over the drives, times its own RMS
+speed, is the spread to expect of the drive without repeats. The sensor is the same in all recordings, and the
+quietest of them show its noise: in quick ones the motion looks like noise.
 """
 
 from __future__ import annotations
@@ -11,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -23,7 +29,7 @@ from gaitopt.diagnose.record.cycles import Cycles, cycle_means, steady, steady_f
 from gaitopt.diagnose.record.noise import noise_of
 from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.problem.records import Fidelity
-from gaitopt.robot.signals import is_position
+from gaitopt.robot.signals import is_position, joint_signal
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import NOMINAL, Scenario
@@ -41,6 +47,8 @@ class Floor:
         numerics: error of the prediction by its timestep; see `FloorSettings.halved`.
         clock: change of the prediction by the error of time stamps that had been rounded.
         repeats: of trials of one drive about their mean; None where there is one trial.
+        others: the same as the repeats of other drives suggest; None where there are own repeats or no
+            others, or where the drive has a period.
     """
 
     noise: float
@@ -49,6 +57,7 @@ class Floor:
     numerics: float
     clock: float = 0.0
     repeats: float | None = None
+    others: float | None = None
 
     @property
     def total(self) -> float:
@@ -58,8 +67,16 @@ class Floor:
         cycle to cycle, and that by the start pose.
         """
         within = self.noise if self.spread is None else max(self.noise, self.spread)
-        run = math.hypot(within, self.start_pose) if self.repeats is None else max(within, self.repeats)
+        repeats = self.others if self.repeats is None else self.repeats
+        run = math.hypot(within, self.start_pose) if repeats is None else max(within, repeats)
         return math.hypot(run, self.numerics, self.clock)
+
+    def to_dict(self) -> dict[str, float | None]:
+        """Return the parts for a JSON file."""
+        parts = asdict(self)
+        if self.others is None:
+            del parts["others"]
+        return parts
 
 
 Floors = Mapping[str, Floor]
@@ -89,29 +106,34 @@ def measure_floors(
     """
     working = simulator.fidelity
     halved = working.model_copy(update={"timestep_s": 0.5 * working.timestep_s})
-    poses = Simulator.build(simulator.problem, _start_poses(simulator, seed, settings), working)
-    robots = [(_nominal_at(simulator, halved), 0), *((poses, i) for i in range(settings.start_poses))]
-    finer, *perturbed = predict_each(robots, [aligned.trial for aligned in trials], executor)
+    noises = _noises([aligned.trial for aligned in trials], settings)
+    repeats = [_repeats(aligned, trials) for aligned in trials]
+    others = _like_others(trials, repeats)
+    by_start = _by_start(simulator, trials, noises)
     horizon = simulator.problem.simulation.horizon
-    floors: list[Floors] = []
-    for index, aligned in enumerate(trials):
-        halving = _change(aligned, [finer[index]])
-        start_pose = _change(aligned, [row[index] for row in perturbed])
-        repeats = _repeats(aligned, trials)
-        transient = steady_from(horizon, aligned.trial.drive)
-        floors.append(
-            {
+    floors: list[Floors] = [{} for _ in trials]
+    for size, numbers in by_start.items():
+        family = [trials[number].trial for number in numbers]
+        poses = Simulator.build(simulator.problem, _start_poses(size, seed, settings), working)
+        robots = [(_nominal_at(simulator, halved), 0), *((poses, i) for i in range(settings.start_poses))]
+        finer, *perturbed = predict_each(robots, family, executor)
+        for index, number in enumerate(numbers):
+            aligned = trials[number]
+            halving = _change(aligned, [finer[index]])
+            start_pose = _change(aligned, [row[index] for row in perturbed])
+            transient = steady_from(horizon, aligned.trial.drive)
+            floors[number] = {
                 name: Floor(
-                    _noise(aligned.trial, name),
+                    noises[number][name],
                     cycle_spread(aligned, name, transient),
                     start_pose[name],
                     settings.halved * halving[name],
                     _clock(aligned, name),
-                    repeats.get(name),
+                    repeats[number].get(name),
+                    others[number].get(name),
                 )
                 for name in aligned.trial.signals
             }
-        )
     return floors
 
 
@@ -120,15 +142,47 @@ def _nominal_at(simulator: Simulator, fidelity: Fidelity) -> Simulator:
     return replace(simulator, scenarios=(NOMINAL,), models=simulator.models[:1]).at(fidelity)
 
 
-def _start_poses(simulator: Simulator, seed: int, settings: FloorSettings) -> tuple[Scenario, ...]:
-    """Return scenarios with a start pose each, of the size that the problem's scenarios have."""
-    size = simulator.problem.file.scenarios.start_pose_rad
+def _by_start(
+    simulator: Simulator, trials: Sequence[Aligned], noises: Sequence[Mapping[str, float]]
+) -> dict[float, list[int]]:
+    """Return the numbers of the trials by how well their start pose is known, rad.
+
+    It is known as the problem's scenarios say. A start that was measured is known to the noise of the sensor.
+    """
+    found: dict[float, list[int]] = {}
+    for number, aligned in enumerate(trials):
+        size = simulator.problem.file.scenarios.start_pose_rad
+        start = aligned.trial.drive.start
+        if start is not None:
+            signals = [joint_signal(joint) for joint in start]
+            size = max((noises[number][name] for name in signals if name in noises[number]), default=size)
+        found.setdefault(size, []).append(number)
+    return found
+
+
+def _start_poses(size: float, seed: int, settings: FloorSettings) -> tuple[Scenario, ...]:
+    """Return scenarios with a start pose each, with errors of a size, rad."""
     seeds = generator(seed, Stream.FLOOR_START_POSES).integers(2**31, size=settings.start_poses)
     return tuple(Scenario(start_pose_rad=size, pose_seed=int(number)) for number in seeds)
 
 
+def _noises(trials: Sequence[Trial], settings: FloorSettings) -> list[dict[str, float]]:
+    """Return the standard deviation of each signal's noise in each trial, m or rad.
+
+    Of drives without a period, that of the quietest recordings of this signal is taken for all.
+    """
+    noises = [{name: _noise(trial, name) for name in trial.signals} for trial in trials]
+    logs = [number for number, trial in enumerate(trials) if trial.drive.period_s is None]
+    for name in dict.fromkeys(name for number in logs for name in trials[number].signals):
+        own = [number for number in logs if name in noises[number]]
+        quiet = float(np.quantile([noises[n][name] for n in own], settings.quietest, method="lower"))
+        for number in own:
+            noises[number][name] = quiet
+    return noises
+
+
 def _noise(trial: Trial, name: str) -> float:
-    """Return the standard deviation of a signal's noise, m or rad."""
+    """Return the standard deviation of a signal's noise in one recording, m or rad."""
     if trial.noise_m is not None and is_position(name):
         return trial.noise_m
     return noise_of(trial.signals[name][trial.used[name]])
@@ -181,8 +235,11 @@ def _change(aligned: Aligned, others: Sequence[Trajectory]) -> dict[str, float]:
 
 
 def _repeats(aligned: Aligned, trials: Sequence[Aligned]) -> dict[str, float]:
-    """Return the standard deviation of each signal over the trials of one drive, at this trial's times."""
-    key = aligned.trial.drive.key
+    """Return the standard deviation of each signal over the trials of one drive, at this trial's times.
+
+    Where the drive has a period, or the signal's origin is free, levels that differ do not count.
+    """
+    key, period = aligned.trial.drive.key, aligned.trial.drive.period_s
     family = [other for other in trials if other.trial.drive.key == key]
     spreads = {}
     for name in aligned.trial.signals:
@@ -192,9 +249,43 @@ def _repeats(aligned: Aligned, trials: Sequence[Aligned]) -> dict[str, float]:
         together = np.where(aligned.trial.used[name], np.stack(rows), np.nan)
         together = together[:, np.isfinite(together).all(axis=0)]
         if together.shape[1]:
-            together = together - together.mean(axis=1, keepdims=True)
+            if period is not None or is_position(name):
+                together = together - together.mean(axis=1, keepdims=True)
             spreads[name] = float(np.sqrt(together.var(axis=0, ddof=1).mean()))
     return spreads
+
+
+def _like_others(trials: Sequence[Aligned], repeats: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
+    """Return the spread to expect of the repeats of each drive that has none, m or rad by signal.
+
+    It is the RMS speed of the motion times the median, over the drives with repeats, of spread over RMS
+    speed. Drives with a period have none.
+    """
+    expected: list[dict[str, float]] = [{} for _ in trials]
+    logs = [number for number, aligned in enumerate(trials) if aligned.trial.drive.period_s is None]
+    for name in dict.fromkeys(name for number in logs for name in trials[number].trial.signals):
+        times: dict[str, list[float]] = {}
+        for number in logs:
+            speed = rms_speed(trials[number].trial, name)
+            if name in repeats[number] and speed > 0.0:
+                key = trials[number].trial.drive.key
+                times.setdefault(key, []).append(repeats[number][name] / speed)
+        if times:
+            late = float(np.median([np.mean(family) for family in times.values()]))
+            for number in logs:
+                if name in trials[number].trial.signals and name not in repeats[number]:
+                    expected[number][name] = late * rms_speed(trials[number].trial, name)
+    return expected
+
+
+def rms_speed(trial: Trial, name: str) -> float:
+    """Return the RMS speed of a signal from sample to sample, m/s or rad/s; 0 where it was not measured."""
+    if name not in trial.signals:
+        return 0.0
+    time, series = trial.counted(name)
+    elapsed = np.diff(time)
+    steps = np.diff(series)[elapsed > 0.0] / elapsed[elapsed > 0.0]
+    return float(np.sqrt(np.mean(steps**2))) if len(steps) else 0.0
 
 
 def _residual_at(aligned: Aligned, name: str, time: Series) -> Series:
