@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floor, Floors, marker_floor
 from gaitopt.diagnose.gap.mismatches import mismatches
 from gaitopt.diagnose.gap.settings import DEFAULT, GapSettings
 from gaitopt.diagnose.gap.split import COMPONENTS, Split, split
+from gaitopt.diagnose.gap.split_commands import split_commands
 from gaitopt.diagnose.record.cleaning import Cleaned
 from gaitopt.diagnose.record.cycles import steady_from
 from gaitopt.diagnose.record.defect import Defect
@@ -51,7 +52,7 @@ class SignalGap:
             "unit": self.unit,
             "gap": self.gap,
             "floor": self.floor.total,
-            "floor_parts": asdict(self.floor),
+            "floor_parts": self.floor.to_dict(),
             "travel_measured": measured,
             "travel_simulated": simulated,
             "size_ratio": self.split.size,
@@ -158,6 +159,9 @@ def trial_gap(
         for defect in cleaned.defects:
             if defect.component is not None:
                 extra[defect.component] += defect.errors_m.get(name, 0.0) ** 2
-        splits[name] = split(aligned, name, transient, extra, settings.split)
+        if aligned.trial.drive.period_s is None:
+            splits[name] = split_commands(aligned, name, floors[name].noise, extra, settings.split_commands)
+        else:
+            splits[name] = split(aligned, name, transient, extra, settings.split)
     wrong = mismatches(aligned, transient, settings.mismatches)
     return TrialGap(cleaned, aligned, floors, splits, tuple(wrong))

@@ -127,7 +127,7 @@ def signals(diagnosis: Diagnosis) -> Table:
             travels = (
                 [_amount(travel, unit_of(name)) for travel in part.travel] if part.travel else ["–", "–"]
             )
-            shares = [f"{100 * part.squares[c] / (part.rms**2 or 1.0):.0f} %" for c in COMPONENTS]
+            shares = [f"{100 * part.squares.get(c, 0.0) / (part.rms**2 or 1.0):.0f} %" for c in COMPONENTS]
             size, delay = f"{part.size:.2f}", f"{1e3 * part.delay_s:+.0f} ms"
             rows.append([f"{trial.name}: {name}", *travels, size, delay, *shares])
     return Table(

@@ -13,8 +13,7 @@ travels 10 % less. What is left of the mean cycle belongs to it too: its shape, 
 - noise: what differs from cycle to cycle;
 - transient: what differs before the steady motion.
 
-Commands without a period have no cycles. There the whole recording takes the place of the mean cycle, a block
-that of the period, and the noise is that of the measurement.
+Commands without a period have no cycles, and other components; see `split_commands`.
 """
 
 from __future__ import annotations
@@ -25,10 +24,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaitopt.diagnose.gap.align import Aligned, without_line
+from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.settings import DEFAULT, SplitSettings
 from gaitopt.diagnose.record.cycles import PHASES, Cycles, cycle_means, shifted, steady
-from gaitopt.diagnose.record.noise import noise_of
 from gaitopt.diagnose.record.trial import Series
 
 COMPONENTS = ("drift", "stride", "timing", "transient", "noise")
@@ -43,7 +41,7 @@ class Split:
 
     Attributes:
         signal: name of the signal.
-        squares: mean square of each component of the gap, m² or rad².
+        squares: mean square of each component of the gap by name, m² or rad².
         travel: measured and simulated travel per cycle, m or rad; None where the drive has no period.
         size: size of the motion about its travel, measured over simulated.
         delay_s: how much later than simulated the motion comes, s.
@@ -72,7 +70,7 @@ def split(
     extra: Mapping[str, float],
     settings: SplitSettings = DEFAULT.split,
 ) -> Split:
-    """Split the gap of one signal into its components; their squares add up to its mean square.
+    """Split the gap of one signal of a gait into its components; their squares add up to its mean square.
 
     Args:
         aligned: the trial aligned with its prediction.
@@ -84,22 +82,8 @@ def split(
     Raises:
         GaitoptError: fewer than two cycles can be used.
     """
-    period = aligned.trial.drive.period_s
-    if period is None:
-        return _without_cycles(aligned, signal, extra, settings)
-    return _by_cycles(aligned, signal, period, transient, extra, settings)
-
-
-def _by_cycles(
-    aligned: Aligned,
-    signal: str,
-    period: float,
-    transient: float,
-    extra: Mapping[str, float],
-    settings: SplitSettings,
-) -> Split:
-    """Split the gap of one signal of a drive with a period."""
-    trial = aligned.trial
+    trial, period = aligned.trial, aligned.trial.drive.period_s
+    assert period is not None, "a drive without a period has no cycles"
     keep = trial.used[signal]
     time, residual = aligned.time[keep], aligned.residual[signal][keep]
     cycles = Cycles.of(time, period, transient, trial.name)
@@ -123,30 +107,6 @@ def _by_cycles(
     total = _scaled(squares, residual, extra)
     by_phase = _by_phase(cycles, gap, float(np.mean(residual)))
     return Split(signal, total, (seen.travel, predicted.travel), size, delay * period, by_phase)
-
-
-def _without_cycles(
-    aligned: Aligned, signal: str, extra: Mapping[str, float], settings: SplitSettings
-) -> Split:
-    """Split the gap of one signal of a drive without a period."""
-    trial, simulated, block = aligned.trial, aligned.simulated, aligned.trial.drive.block_s
-    keep = trial.used[signal]
-    time, residual = aligned.time[keep], aligned.residual[signal][keep]
-    measured, predicted = trial.signals[signal][keep], aligned.predicted[signal][keep]
-
-    def delayed_by(blocks: float) -> Series:
-        return without_line(time, np.interp(time - block * blocks, simulated.time, simulated[signal]))
-
-    shape, shape_simulated = without_line(time, measured), without_line(time, predicted)
-    delay, size = _delay_and_size(shape, shape_simulated, delayed_by, settings)
-    travel, travel_simulated = (block * float(np.polyfit(time, s, 1)[0]) for s in (measured, predicted))
-    squares = _travel(travel - travel_simulated, (size - 1.0) * travel_simulated, time, block)
-    delayed, noise = delayed_by(delay), noise_of(measured) ** 2
-    squares["timing"] = float(np.mean((delayed - shape_simulated) ** 2))
-    squares["stride"] += max(0.0, float(np.mean((shape - delayed) ** 2)) - noise)
-    squares["stride"] += float(np.mean(residual)) ** 2
-    squares["noise"], squares["transient"] = noise, 0.0
-    return Split(signal, _scaled(squares, residual, extra), None, size, delay * block, np.empty(0))
 
 
 def _scaled(squares: Mapping[str, float], residual: Series, extra: Mapping[str, float]) -> dict[str, float]:

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Protocol
 
 from gaitopt.diagnose.gap.floor import Floors
-from gaitopt.diagnose.gap.split import COMPONENTS, Split
+from gaitopt.diagnose.gap.split import Split
 from gaitopt.robot.signals import unit_of
 
 
@@ -19,7 +19,7 @@ class GapShare:
     Attributes:
         signal: name of the signal.
         trial: name of the trial.
-        component: one of `COMPONENTS`.
+        component: one of `COMPONENTS`, or of `COMMAND_COMPONENTS` where the drive has no period.
         share: its share of the squared gaps of all trials that count, each in its floors.
         share_of_signal: its share of the squared gap of this signal in this trial.
         gap: RMS of the component, in `unit`.
@@ -67,7 +67,7 @@ def gap_shares(trials: Sequence[SplitTrial]) -> list[GapShare]:
         _gap_share(trial.name, trial.splits[signal], component, trial.floors[signal].total)
         for trial in trials
         for signal in trial.splits
-        for component in COMPONENTS
+        for component in trial.splits[signal].squares
     ]
     total = sum(one.share for one in shares) or 1.0
     present = [replace(one, share=one.share / total) for one in shares if one.gap > 0.0]

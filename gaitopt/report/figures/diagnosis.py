@@ -202,7 +202,7 @@ def _by_phase(trial: TrialGap, name: str) -> np.ndarray:
 def _floors(trial: TrialGap, name: str, component: str) -> float:
     """Return a component's part of the length of a bar that is as long as the gap, in floors."""
     part, floor = trial.splits[name], trial.floors[name].total
-    return part.squares[component] / (part.rms or 1.0) / floor if floor > 0.0 else 0.0
+    return part.squares.get(component, 0.0) / (part.rms or 1.0) / floor if floor > 0.0 else 0.0
 
 
 def gap_map(diagnosis: Diagnosis) -> Figure:

@@ -81,15 +81,15 @@ def test_an_unknown_start_of_a_log_is_fitted(located: Callable[..., Diagnosis]) 
     assert trial.aligned.offset_s == pytest.approx(0.0, abs=0.005)
 
 
-def test_a_late_log_is_found_under_timing(located: Callable[..., Diagnosis]) -> None:
+def test_a_late_log_is_found_under_lag(located: Callable[..., Diagnosis]) -> None:
     diagnosis = located(lambda time, joint: np.interp(time - 0.08, time, joint))
-    assert (diagnosis.where[0].signal, diagnosis.where[0].component) == ("joint.elbow", "timing")
+    assert (diagnosis.where[0].signal, diagnosis.where[0].component) == ("joint.elbow", "lag")
     assert diagnosis.trials[0].splits["joint.elbow"].delay_s == pytest.approx(0.08, abs=0.01)
 
 
-def test_a_weaker_motion_of_a_log_is_found_under_stride(located: Callable[..., Diagnosis]) -> None:
+def test_a_weaker_motion_of_a_log_is_found_under_gain(located: Callable[..., Diagnosis]) -> None:
     diagnosis = located(lambda time, joint: joint.mean() + 0.8 * (joint - joint.mean()))
-    assert (diagnosis.where[0].signal, diagnosis.where[0].component) == ("joint.elbow", "stride")
+    assert (diagnosis.where[0].signal, diagnosis.where[0].component) == ("joint.elbow", "gain")
     assert diagnosis.trials[0].splits["joint.elbow"].size == pytest.approx(0.8, abs=0.02)
 
 
