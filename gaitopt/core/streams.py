@@ -34,10 +34,14 @@ class Stream(IntEnum):
     EXPERIMENT_ROBOTS = 34
     CORRECTED_SEARCH = 40
     SOLVER = 41  # with the name of a solver that has no stream of its own
+    COMMAND_JITTER = 42
 
 
 BLIND_FLOOR_SEED = 12345
 """Seed of the robots with which blind cases measure their floor. It does not depend on the cases' seed."""
+
+COMMAND_JITTER_SEED = 0
+"""Seed of the delays of an effect: two simulations of the same commands have the same delays."""
 
 
 def generator(seed: int, stream: int, *index: int) -> np.random.Generator:

@@ -10,6 +10,8 @@ from gaitopt.effects.library import (
     friction_direction,
     friction_load,
     hinge,
+    jitter,
+    servo_back_emf,
     servo_command,
     servo_deadband,
     servo_friction,
@@ -24,6 +26,8 @@ from gaitopt.effects.library import (
 
 _IN_ORDER = (
     servo_torque.SERVO_TORQUE_LIMIT,
+    servo_command.SERVO_RESOLUTION,
+    jitter.COMMAND_JITTER,
     servo_command.SERVO_TRAVEL,
     servo_command.SERVO_TRIM,
     servo_command.SERVO_SPEED_LIMIT,
@@ -34,6 +38,7 @@ _IN_ORDER = (
     servo_motion.SERVO_DAMPING,
     servo_motion.SERVO_INERTIA,
     servo_play.SERVO_BACKLASH,
+    servo_back_emf.SERVO_BACK_EMF,
     servo_friction.SERVO_FRICTION,
     servo_friction.SERVO_FRICTION_LOAD,
     servo_friction.SERVO_STICTION,

@@ -56,6 +56,15 @@ Observe = Callable[[Trajectory, float, Parts, np.random.Generator], Trajectory]
 
 
 @dataclass(frozen=True)
+class Plausible:
+    """What is plausible of an effect on some robots: range and prior, in multiples of its `reference`."""
+
+    low: float
+    high: float
+    prior: Prior
+
+
+@dataclass(frozen=True)
 class Effect:
     """One unmodelled effect.
 
@@ -75,6 +84,7 @@ class Effect:
         prior: what is plausible.
         reference: figure of the nominal robot; 1 by default.
         reference_name: that figure in words; empty for 1.
+        otherwise: returns another range and prior for a nominal robot that needs them, or None.
         allowed: smallest and largest value that the mechanism can do. A limit is excluded where it is
             infinite, and where it is 0 on a logarithmic scale.
         target: ``none``, ``any`` (`ALL` or one actuator) or ``one`` actuator.
@@ -99,6 +109,7 @@ class Effect:
     prior: Prior
     reference: Figure = lambda parts: 1.0
     reference_name: str = ""
+    otherwise: Callable[[Parts], Plausible | None] = lambda parts: None
     allowed: tuple[float, float] = (-math.inf, math.inf)
     target: Literal["none", "any", "one"] = "none"
     role: str = ""
@@ -128,12 +139,16 @@ class Effect:
 
     def bounds(self, nominal: Parts) -> tuple[float, float]:
         """Return the searched range on a robot, in the parameter's unit."""
-        reference = self.reference(nominal)
-        return self.low * reference, self.high * reference
+        reference, plausible = self.reference(nominal), self.plausible(nominal)
+        return plausible.low * reference, plausible.high * reference
+
+    def plausible(self, nominal: Parts) -> Plausible:
+        """Return the range and the prior on a robot, in multiples of `reference`."""
+        return self.otherwise(nominal) or Plausible(self.low, self.high, self.prior)
 
     def log_prior(self, value: float, nominal: Parts) -> float:
         """Return the logarithm of the prior density on a robot, up to a constant."""
-        return self.prior.log_density(value, self.reference(nominal))
+        return self.plausible(nominal).prior.log_density(value, self.reference(nominal))
 
     def why_not(self, nominal: Parts) -> str | None:
         """Return why the effect does not apply to a robot, or None where it does."""

@@ -50,6 +50,7 @@ class EffectRow:
         """Return the row of an effect, with a robot's own figures where it applies to the robot."""
         reason = None if nominal is None else effect.why_not(nominal)
         own = nominal if reason is None else None
+        prior = effect.prior if own is None else effect.plausible(own).prior
         return EffectRow(
             name=effect.name,
             meaning=effect.summary,
@@ -59,8 +60,8 @@ class EffectRow:
             bounds=(effect.low, effect.high) if own is None else effect.bounds(own),
             bounds_times=effect.reference_name if own is None else "",
             scale=effect.scale,
-            prior=str(effect.prior),
-            prior_source=effect.prior.source,
+            prior=str(prior),
+            prior_source=prior.source,
             target=_TARGETS[effect.target],
             applies=None if nominal is None else reason is None,
             why_not=None if nominal is None else reason or "",

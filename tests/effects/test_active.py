@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from effect_values import ALL, asked, strong
+from effect_values import ALL, HERE, asked, strong
 from helpers import STRIDER, problem_folder, same_bits, still
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.effects import EFFECTS, Effect
+from gaitopt.effects import Effect
 from gaitopt.effects.active import Values
 from gaitopt.effects.parts import Parts
 from gaitopt.optimise.evaluator import assess
@@ -71,13 +71,13 @@ def test_the_nominal_model_stays_nominal(arcfold: Problem) -> None:
 
 def test_all_effects_go_together(arcfold: Problem, nominal: Parts) -> None:
     mild: dict[str, Values] = {}
-    for effect in EFFECTS.values():
+    for effect in HERE:
         low, high = effect.bounds(nominal)
         neutral = effect.neutral_value(nominal)
         value = neutral + 0.02 * (high - low) if math.isfinite(neutral) else high
         mild |= asked(effect, value)
     simulator = Simulator.build(arcfold.with_effects(mild))
-    assert len(simulator.effects.active) == len(EFFECTS)
+    assert len(simulator.effects.active) == len(HERE)
     assert simulator.run(arcfold.baselines["square-1s"], duration=0.6).status == "ok"
 
 

@@ -44,6 +44,37 @@ SERVO_TRAVEL = Effect(
 )
 
 
+def _round_angles(sent: Commands, step: float, parts: Parts) -> Commands:
+    def rounded(time: NDArray[np.float64]) -> NDArray[np.float64]:
+        rows = sent(time).copy()
+        rows[:, parts.servos] = step * np.round(rows[:, parts.servos] / step)
+        return rows
+
+    return rounded
+
+
+SERVO_RESOLUTION = Effect(
+    name="servo_resolution",
+    summary="smallest step of the commanded angle: it is rounded to a multiple of this",
+    parameter="step_rad",
+    unit="rad",
+    neutral=0.0,
+    low=0.0,
+    high=0.05,
+    scale="lin",
+    prior=Prior(
+        "half-normal",
+        0.0,
+        0.008,
+        "12-bit PWM chips at 50 to 100 Hz: 5 to 2.4 us of 2000 us per 180 to 270 degrees; serial servos of "
+        "10 to 12 bits: 0.005 to 0.0015 rad; libraries that take whole degrees: 0.017 rad",
+    ),
+    allowed=(0.0, 1.0),
+    target="any",
+    commands=_round_angles,
+)
+
+
 def _offset(sent: Commands, offset: float, parts: Parts) -> Commands:
     def shifted(time: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = sent(time).copy()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from gaitopt.effects.effect import Effect
+from gaitopt.effects.effect import Effect, Plausible
 from gaitopt.effects.library.servo import drives_no_joint
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
@@ -37,20 +37,43 @@ SERVO_GAIN = Effect(
 )
 
 
+def _damped_joints(parts: Parts) -> bool:
+    return bool(parts.model.dof_damping[parts.servo_dofs].any())
+
+
 def _no_damping(parts: Parts) -> str | None:
-    if not parts.model.dof_damping[parts.servo_dofs].any():
-        return "the driven joints have no damping to scale"
+    if not (_damped_joints(parts) or parts.model.actuator_biasprm[parts.servos, 2].any()):
+        return "neither the driven joints nor their servos have damping to scale"
     return drives_no_joint(parts)
 
 
+def _damping_of_servos_alone(parts: Parts) -> Plausible | None:
+    return None if _damped_joints(parts) else _VELOCITY_GAIN
+
+
 def _scale_damping(parts: Parts, scale: float, _: float) -> None:
+    """Scale the joints' damping, and kv, which MuJoCo keeps as minus the bias on the speed."""
     parts.model.dof_damping[parts.servo_dofs] *= scale
     parts.model.dof_dampingpoly[parts.servo_dofs] *= scale
+    parts.model.actuator_biasprm[parts.servos, 2] *= scale
+
+
+_VELOCITY_GAIN = Plausible(
+    0.02,
+    4.0,
+    Prior(
+        "log-normal",
+        0.4,
+        1.2,
+        "hobby servos mostly have no feedback of speed, and where a servo alone has damping, its gain was "
+        "chosen for the simulator",
+    ),
+)
 
 
 SERVO_DAMPING = Effect(
     name="servo_damping",
-    summary="damping of the driven joint",
+    summary="damping of the driven joint, and of the servo's own feedback of speed",
     parameter="scale",
     unit="",
     neutral=1.0,
@@ -65,6 +88,7 @@ SERVO_DAMPING = Effect(
     ),
     allowed=(0.0, math.inf),
     target="any",
+    otherwise=_damping_of_servos_alone,
     missing=_no_damping,
     model=_scale_damping,
 )

@@ -58,10 +58,27 @@ COMMAND_LATENCY = Effect(
 )
 
 
-def _saturation(parts: Parts) -> NDArray[np.float64]:
+def saturation(parts: Parts) -> NDArray[np.float64]:
     """Return the error of angle at which each target servo reaches its torque limit, rad; inf without one."""
     gains: NDArray[np.float64] = parts.model.actuator_gainprm[parts.servos, 0]
     return torque_limits(parts) / gains
+
+
+def partly(
+    before: NDArray[np.float64],
+    after: NDArray[np.float64],
+    share: float | NDArray[np.float64],
+    largest: float | NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return what acts like a command that changes within a step, rad; NaN where it becomes NaN.
+
+    Args:
+        before, after: the command at the beginning and at the end of the step, rad.
+        share: share of the step after the change.
+        largest: the change that saturates the servo, rad: a larger one would act like the whole change.
+    """
+    blend = before + share * np.clip(after - before, -largest, largest)
+    return np.where(np.isnan(before) | (share >= 1.0), after, blend)
 
 
 def _delay_one(sent: Commands, delay: float, parts: Parts) -> Commands:
@@ -73,15 +90,14 @@ def _delay_one(sent: Commands, delay: float, parts: Parts) -> Commands:
     is exact where the servo has come to rest under the command before; elsewhere a jump is up to a step
     off.
     """
-    step_s, servos, largest = parts.step_s, parts.servos, _saturation(parts)
+    step_s, servos, largest = parts.step_s, parts.servos, saturation(parts)
     whole, rest = _in_steps(delay, step_s)
 
     def late(time: NDArray[np.float64]) -> NDArray[np.float64]:
         shifted = sent(time - whole * step_s)[:, servos]
         if rest:
             before = sent(time - (whole + 1) * step_s)[:, servos]
-            partly = before + (1.0 - rest) * np.clip(shifted - before, -largest, largest)
-            shifted = np.where(np.isnan(before), shifted, partly)
+            shifted = partly(before, shifted, 1.0 - rest, largest)
         rows = sent(time).copy()
         rows[:, servos] = shifted
         return rows
