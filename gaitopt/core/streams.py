@@ -32,6 +32,7 @@ class Stream(IntEnum):
     BLIND_CASE = 30
     BLIND_KINDS = 31
     EXPERIMENT_ROBOTS = 34
+    COMMAND_SHAPES = 35
     CORRECTED_SEARCH = 40
     SOLVER = 41  # with the name of a solver that has no stream of its own
     COMMAND_JITTER = 42
