@@ -70,6 +70,11 @@ class Calibration(BaseModel):
         return [key for key in type(self).model_fields if key not in self.model_fields_set and key != "pin"]
 
     @property
+    def is_calibrated(self) -> bool:
+        """Whether a value was set that decides which pulse belongs to which angle."""
+        return not self.model_fields_set.isdisjoint({"neutral_us", "us_per_deg", "direction", "trim_us"})
+
+    @property
     def complete(self) -> dict[str, Any]:
         """Every value, set or not."""
         return {key: getattr(self, key) for key in type(self).model_fields}

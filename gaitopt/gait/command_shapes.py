@@ -20,8 +20,11 @@ from gaitopt.gait.logged import LoggedCommands
 
 Array = NDArray[np.float64]
 
-ROW_S = 0.02
-"""Time between two rows, s: a servo's frame."""
+RATE_HZ = 50.0
+"""Rows a second: one in each frame of a usual servo."""
+
+ROW_S = 1.0 / RATE_HZ
+"""Time between two rows, s."""
 
 SHORTEST_S, LONGEST_S = 0.5, 3.0
 """How long a command may last, s."""
@@ -145,7 +148,7 @@ def shaped(shape: Shape, size: Size, travel: Travel, seed: int = 1) -> ShapedCom
     if not SHORTEST_S <= len(rows) * ROW_S <= LONGEST_S + 1e-9:
         return None
     largest = max((amplitude for _, amplitude in moves), key=abs)
-    time = ROW_S * np.arange(len(rows))
+    time = np.arange(len(rows)) / RATE_HZ
     commands = LoggedCommands.of(travel.channels, time, rows, f"next-{shape.name}", travel.ranges)
     return ShapedCommands(shape, size, commands, float(largest))
 

@@ -33,7 +33,9 @@ def tried(
     return shaped(shape, Size(share, time_s or shape.times_s[0], moving), RIG, seed)
 
 
-def of(name: str, share: float, time_s: float | None = None, moving: tuple[int, ...] = (0,)) -> ShapedCommands:
+def of(
+    name: str, share: float, time_s: float | None = None, moving: tuple[int, ...] = (0,)
+) -> ShapedCommands:
     """The same, where there is room."""
     made = tried(name, share, time_s, moving)
     assert made is not None
@@ -73,7 +75,7 @@ def test_commands_are_safe_whatever_their_size(
 def test_every_shape_has_a_small_and_a_large_size(name: str) -> None:
     for share in (0.06, 0.9):
         made = of(name, share)
-            assert np.nanmax(np.abs(made.commands.rows[:, 0] - 0.1)) > 0.05
+        assert np.nanmax(np.abs(made.commands.rows[:, 0] - 0.1)) > 0.05
 
 
 def test_a_step_goes_up_or_down_from_rest_and_back() -> None:
