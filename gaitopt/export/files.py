@@ -37,11 +37,11 @@ def export_files(
         warnings: the warnings of the README.
         from_datasheet: per channel, the values of its calibration that are not set.
     """
-    environment = _environment()
+    jinja = environment()
     known = vars(facts(table))
 
     def filled(template: str, **more: object) -> str:
-        return environment.from_string(template).render(known | more)
+        return jinja.from_string(template).render(known | more)
 
     texts = {format.table_file: filled(read_text(format.table))}
     texts |= {path: read_text(source) for path, source in format.copies.items()}
@@ -133,8 +133,10 @@ def _cell(text: str) -> str:
     return line.getvalue()
 
 
-def _environment() -> jinja2.Environment:
+def environment() -> jinja2.Environment:
+    """Return what fills templates; its filters make names safe in comments, in CSV cells and in Python."""
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     environment.filters["comment"] = _without_quotes
     environment.filters["cell"] = _cell
+    environment.filters["literal"] = ascii
     return environment

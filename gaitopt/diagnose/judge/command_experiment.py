@@ -289,7 +289,7 @@ def _inseparable(labels: Sequence[str], separations: Sequence[Separation]) -> tu
 
 def _remarks(found: CommandExperiment) -> list[str]:
     shape = found.chosen.made.shape
-    speeds = ", ".join(f"{name} {speed:.0f} °/s" for name, speed in found.fastest_deg_s.items())
+    speeds = ", ".join(f"{name} {speed:.0f} degrees/s" for name, speed in found.fastest_deg_s.items())
     lines = ["Every target lies inside range_deg of its channel, and the commands begin at rest."]
     if shape.jumps:
         lines.append("The target jumps: the servo turns as fast as it can. Keep hands and cables away.")
