@@ -15,6 +15,7 @@ from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
 from gaitopt.diagnose.fit.runner import Runner
 from gaitopt.diagnose.gap.align import align, pooled_marker_rms
 from gaitopt.diagnose.gap.floor import marker_floor, measure_floors
+from gaitopt.diagnose.gap.leftover import top_speeds
 from gaitopt.diagnose.gap.predict import predict
 from gaitopt.diagnose.gap.settings import GapSettings
 from gaitopt.diagnose.gap.where import GapShare, gap_shares
@@ -236,7 +237,8 @@ def locate(
     aligned = [align(trial, simulated, settings.align) for trial, simulated in pairs]
     floors = measure_floors(simulator, aligned, executor, seed, settings.floor)
     parts = zip(cleaned, aligned, floors, strict=True)
-    gaps = [trial_gap(simulator.problem, *part, settings) for part in parts]
+    speeds = top_speeds([one for one in aligned if one.trial.drive.period_s is None])
+    gaps = [trial_gap(simulator.problem, *part, speeds, settings) for part in parts]
     name, source = simulator.problem.name, str(dataset.source)
     return Diagnosis(name, source, seed, simulator.fidelity, tuple(gaps))
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floor, Floors, marker_floor
+from gaitopt.diagnose.gap.leftover import TopSpeeds
 from gaitopt.diagnose.gap.mismatches import mismatches
 from gaitopt.diagnose.gap.settings import DEFAULT, GapSettings
 from gaitopt.diagnose.gap.split import COMPONENTS, Split, split
@@ -141,7 +142,12 @@ class TrialGap:
 
 
 def trial_gap(
-    problem: Problem, cleaned: Cleaned, aligned: Aligned, floors: Floors, settings: GapSettings = DEFAULT
+    problem: Problem,
+    cleaned: Cleaned,
+    aligned: Aligned,
+    floors: Floors,
+    speeds: TopSpeeds | None = None,
+    settings: GapSettings = DEFAULT,
 ) -> TrialGap:
     """Split the gap of a trial, and look for defects that only the prediction shows.
 
@@ -150,6 +156,7 @@ def trial_gap(
         cleaned: the trial with the defects of its record.
         aligned: the same, aligned with the nominal prediction.
         floors: the floor of each signal.
+        speeds: how quick each signal is in all trials of the data set; those of this trial if it is None.
         settings: see `GapSettings`.
     """
     transient = steady_from(problem.simulation.horizon, aligned.trial.drive)
@@ -160,7 +167,9 @@ def trial_gap(
             if defect.component is not None:
                 extra[defect.component] += defect.errors_m.get(name, 0.0) ** 2
         if aligned.trial.drive.period_s is None:
-            splits[name] = split_commands(aligned, name, floors[name].noise, extra, settings.split_commands)
+            splits[name] = split_commands(
+                aligned, name, floors[name].noise, extra, speeds, settings.split_commands
+            )
         else:
             splits[name] = split(aligned, name, transient, extra, settings.split)
     wrong = mismatches(aligned, transient, settings.mismatches)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +15,42 @@ from gaitopt.gait.drive import Drive
 from gaitopt.robot.signals import is_position
 from gaitopt.robot.trajectory import Trajectory
 
+TopSpeeds = Mapping[str, tuple[float, float]]
+"""Largest speed of each signal in some trials, measured and simulated, m/s or rad/s."""
+
+
+def top_speeds(trials: Sequence[Aligned]) -> TopSpeeds:
+    """Return the largest speed of each signal in some trials, measured and simulated, m/s or rad/s.
+
+    Args:
+        trials: the trials aligned with their predictions.
+    """
+    found: dict[str, tuple[float, float]] = {}
+    for aligned in trials:
+        for name in aligned.trial.signals:
+            before = found.get(name, (0.0, 0.0))
+            measured, simulated = (float(np.abs(v).max(initial=0.0)) for v in _velocities(aligned, name))
+            found[name] = max(before[0], measured), max(before[1], simulated)
+    return found
+
+
+def _velocities(aligned: Aligned, signal: str) -> tuple[Series, Series]:
+    """Return the velocity of a signal at the samples that count, measured and simulated, shape (n,).
+
+    Each is taken over two frames.
+    """
+    counts = np.isfinite(aligned.residual[signal])
+    time, frame = aligned.time[counts], aligned.trial.frame_s
+    curves = aligned.trial.signals[signal][counts], aligned.predicted[signal][counts]
+    measured, simulated = (
+        (np.interp(time + frame, time, curve) - np.interp(time - frame, time, curve)) / (2.0 * frame)
+        for curve in curves
+    )
+    return measured, simulated
+
 
 def shares_by_time(
-    aligned: Aligned, signal: str, residual: Series, settings: CommandSplitSettings
+    aligned: Aligned, signal: str, residual: Series, limit: Flags, settings: CommandSplitSettings
 ) -> dict[str, float]:
     """Return the share of what is left that belongs to each component; the shares add up to 1 or are all 0.
 
@@ -24,18 +58,18 @@ def shares_by_time(
         aligned: the trial aligned with its prediction.
         signal: the signal.
         residual: what is left at each sample that counts, m or rad, shape (n,).
+        limit: which of them are at the limit of the motion, shape (n,); see `at_limit`.
         settings: see `CommandSplitSettings`.
     """
     counts = np.isfinite(aligned.residual[signal])
     commanded = _Commanded.of(aligned, aligned.time[counts])
-    at_limit = _at_limit(aligned, signal, counts, settings)
-    after = commanded.soon_after_jump(settings.settle_s) & ~at_limit
-    rest = ~at_limit & ~after
+    after = commanded.soon_after_jump(settings.settle_s) & ~limit
+    rest = ~limit & ~after
     slow = _smooth(residual, commanded.frame_s, settings)
     fast = residual - slow
     is_smooth = commanded.is_smooth(fast, settings)
     squares = {
-        "saturation": float((residual[at_limit] ** 2).sum()),
+        "saturation": float((residual[limit] ** 2).sum()),
         "overshoot": float((residual[after] ** 2).sum()),
     }
     parts = {
@@ -130,24 +164,48 @@ def starts_with_jump(drive: Drive, simulated: Trajectory) -> bool:
     return False
 
 
-def _at_limit(aligned: Aligned, signal: str, counts: Flags, settings: CommandSplitSettings) -> Flags:
-    """Return where the measured or the simulated motion runs at its limit, of the samples that count.
+def at_limit(
+    aligned: Aligned, signal: str, speeds: tuple[float, float], settings: CommandSplitSettings
+) -> Flags:
+    """Return where the measured or the simulated motion is at its limit, of the samples that count.
 
-    It does where it is nearly as quick as it ever is, and the command is further ahead than the motion comes
-    in `settings.ahead_s`.
+    There the command is further away than the motion comes in `settings.ahead_s` at its top speed. Or the
+    motion is nearly as quick as in any trial, and the command is further ahead than it comes in that time.
+    A trial whose command is never clearly quicker than the motion can be has no such samples.
+
+    Args:
+        aligned: the trial aligned with its prediction.
+        signal: the signal.
+        speeds: its largest measured and simulated speed in all trials, m/s or rad/s.
+        settings: see `CommandSplitSettings`.
     """
-    time, channel = aligned.time[counts], channel_of(aligned.simulated, signal)
-    found = np.zeros(len(time), dtype=bool)
+    counts = np.isfinite(aligned.residual[signal])
+    channel = channel_of(aligned.simulated, signal)
+    found = np.zeros(int(counts.sum()), dtype=bool)
     if channel is None:
         return found
-    target = aligned.trial.drive.targets(time)[:, channel]
-    for curve in (aligned.trial.signals[signal], aligned.predicted[signal]):
-        velocity = np.gradient(curve[counts], aligned.trial.frame_s)
-        speed = np.abs(velocity)
-        ahead = (target - curve[counts]) * np.sign(velocity)
-        quick = (speed > 0.0) & (speed >= settings.near_top * speed.max())
+    target = aligned.trial.drive.targets(aligned.time[counts])[:, channel]
+    asked = _farthest(aligned, signal, channel, settings.ahead_s)
+    curves = aligned.trial.signals[signal][counts], aligned.predicted[signal][counts]
+    for curve, velocity, top in zip(curves, _velocities(aligned, signal), speeds, strict=True):
+        if top == 0.0 or asked < settings.asked * top * settings.ahead_s:
+            continue
+        speed, ahead = np.abs(velocity), (target - curve) * np.sign(velocity)
+        quick = (speed > 0.0) & (speed >= settings.near_top * top)
         found |= quick & (ahead >= settings.ahead_s * speed)
+        found |= np.abs(target - curve) >= settings.ahead_s * top
     return found
+
+
+def _farthest(aligned: Aligned, signal: str, channel: int, within_s: float) -> float:
+    """Return how far a command goes within a time, its start from the joint's start included, rad."""
+    drive, frame = aligned.trial.drive, aligned.trial.frame_s
+    clock = np.arange(0.0, aligned.time[-1] + 0.5 * frame, frame)
+    rows = max(1, round(within_s / frame))
+    start = np.full(rows, aligned.simulated[signal][0])
+    column = np.concatenate([start, drive.targets(clock)[:, channel]])
+    moved = np.abs(column[rows:] - column[:-rows])
+    return float(np.nan_to_num(moved).max(initial=0.0))
 
 
 def channel_of(simulated: Trajectory, signal: str) -> int | None:

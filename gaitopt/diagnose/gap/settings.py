@@ -104,16 +104,20 @@ class CommandSplitSettings:
         behind: a limit counts where it changes the quicker curve by this share of the slower one's range.
         at_limit: in this share of the samples where it counts, the slower curve must run at it,
         near_limit: to within this share of it.
+        slowest_limit: a limit is at least this share of the top speed in all trials.
+        still: a curve hardly moves if its motion is smaller than this share of the other one's.
+        plain: drift is fitted only if it leaves less than this share of what any other component leaves.
         least: a component is fitted while it removes this share of the gap's mean square,
         chance: and this many times what a constant fitted to noise alone removes.
         rounds: most components fitted; one may come again after another.
         points_per_frame: points of a simulated curve between two samples,
         points: and about this many in all where there are many samples.
-        settle_s: what is left this soon after a jump of the command belongs to that jump, s. Ringing of a
-            servo (8 Hz, damping of 0.2) falls below a tenth in that time.
+        settle_s: what is left this soon after a jump of the command belongs to that jump, s. A large step
+            of a hobby servo takes 0.4 s; ringing at 8 Hz with a damping of 0.2 falls below a tenth in 0.25 s.
         near_top: motion is at its limit if it has this share of its top speed,
-        ahead_s: and the command is further ahead than the motion comes in this time, s: more than the lag of
-            a servo that follows.
+        ahead_s: and the command is further ahead than it comes in this time, s, more than the lag of a servo
+            that follows; or if the command is further away than it comes in this time at its top speed.
+        asked: in a trial at a limit, the command goes this many times as far in that time as the motion can.
         slow_s: length of the smoothing that divides slow from fast, s. Stick and slip is faster (4 to 8 Hz).
     """
 
@@ -125,14 +129,18 @@ class CommandSplitSettings:
     near_limit: float = 0.2
     behind: float = 0.02
     at_limit: float = 0.75
+    slowest_limit: float = 0.5
+    still: float = 0.2
+    plain: float = 0.5
     least: float = 0.01
     chance: float = 8.0
     rounds: int = 8
     points_per_frame: int = 4
     points: int = 4000
-    settle_s: float = 0.3
+    settle_s: float = 0.5
     near_top: float = 0.7
     ahead_s: float = 0.2
+    asked: float = 1.2
     slow_s: float = 0.5
 
 
