@@ -31,9 +31,10 @@ def add_problem(parser: Parser, *, needed: bool = True, parameters: bool = True)
         )
 
 
-def add_gait(parser: Parser) -> None:
-    """Add GAIT."""
-    parser.add_argument("gait", metavar="GAIT", help=GAIT)
+def add_gait(parser: Parser, logs: bool = False) -> None:
+    """Add GAIT; if `logs`, a log of commands is one, too."""
+    help_ = GAIT.replace(" or ", ", ") + ", or a CSV log of commands" if logs else GAIT
+    parser.add_argument("gait", metavar="GAIT", help=help_)
 
 
 def add_seed(parser: Parser, what: str = "all randomness") -> None:

@@ -316,8 +316,17 @@ def write_bytes(path: Path, data: bytes) -> None:
     write_with(path, lambda temporary: temporary.write_bytes(data))
 
 
-def csv_text(columns: dict[str, np.ndarray]) -> str:
-    """Return a CSV table of columns of equal length, each float with as few digits as read back the same."""
+def csv_text(columns: dict[str, np.ndarray], nan: str = "nan") -> str:
+    """Return a CSV table of columns of equal length, each float with as few digits as read back the same.
+
+    Args:
+        columns: the columns by name.
+        nan: what stands for NaN.
+    """
+
+    def text(cell: float) -> str:
+        return repr(cell) if cell == cell else nan
+
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    lines = [",".join(columns), *(",".join(map(repr if nan == "nan" else text, row)) for row in rows)]
     return "\n".join(lines) + "\n"

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gaitopt.gait.gait import Gait
-from gaitopt.jobs.inputs import check_positive, found_gait
+from gaitopt.gait.drive import Drive
+from gaitopt.jobs.inputs import check_positive, found_drive
 from gaitopt.jobs.outputs import writing
 from gaitopt.problem.instruments import measurable_signals
 from gaitopt.problem.model import carrying
@@ -29,14 +29,14 @@ class FilmOptions:
         seconds: length, s; by default whole cycles of the slowest gait.
     """
 
-    beside: Gait | str | Path | None = None
+    beside: Drive | str | Path | None = None
     measured: Path | str | None = None
     seconds: float | None = None
 
 
 def film(
     problem: Problem,
-    gaits: Sequence[Gait | str | Path],
+    gaits: Sequence[Drive | str | Path],
     path: Path | str,
     *,
     seconds: float | None = None,
@@ -46,7 +46,7 @@ def film(
 
     Args:
         problem: the problem.
-        gaits: gaits, or what `Problem.find_gait` finds by name or path.
+        gaits: gaits, what `Problem.find_gait` finds by name or path, or logs of commands.
         path: where to: a file that ends in ``.mp4``, ``.gif`` or ``.webp``.
         seconds: length, s; by default whole cycles of the slowest gait.
         measured: a data set; the marker that was measured is shown too.
@@ -63,7 +63,7 @@ def film(
     check_film_request(path, options)
     with writing(problem, path):
         problem = carrying(problem)
-        found = [found_gait(problem, gait) for gait in gaits]
+        found = [found_drive(problem, gait) for gait in gaits]
         takes = takes_of(Simulator.build(problem), found, options)
         write_film(Path(path), takes, end=seconds)
     return Path(path)
@@ -86,7 +86,7 @@ def check_film_request(video: Path | str | None, film: FilmOptions, view: bool =
         check_screen()
 
 
-def takes_of(simulator: Simulator, gaits: Sequence[Gait], options: FilmOptions) -> list[Take]:
+def takes_of(simulator: Simulator, gaits: Sequence[Drive], options: FilmOptions) -> list[Take]:
     """Return what a film shows, from left to right.
 
     Raises:
@@ -97,7 +97,7 @@ def takes_of(simulator: Simulator, gaits: Sequence[Gait], options: FilmOptions) 
 
     gaits = list(gaits)
     if options.beside is not None:
-        gaits.append(found_gait(simulator.problem, options.beside))
+        gaits.append(found_drive(simulator.problem, options.beside))
     length = options.seconds or film_length(gaits)
     if options.measured is None:
         return [take(simulator, gait, length) for gait in gaits]

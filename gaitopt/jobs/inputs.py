@@ -1,4 +1,4 @@
-"""Arguments of jobs, checked: gaits by name or path, seeds, positive numbers."""
+"""Arguments of jobs, checked: gaits and logs by name or path, seeds, positive numbers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import math
 from pathlib import Path
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.diagnose.record.commands import read_commands
+from gaitopt.gait.drive import Drive
 from gaitopt.gait.gait import Gait
+from gaitopt.gait.table import is_table
 from gaitopt.problem.problem import Problem
 
 
@@ -35,6 +38,27 @@ def found_gait(problem: Problem, gait: Gait | str | Path, in_range: bool = True)
     if isinstance(gait, Gait):
         return problem.check_gait(gait, gait.name or "gait", in_range)
     return problem.find_gait(str(gait), in_range=in_range)
+
+
+def found_drive(problem: Problem, drive: Drive | str | Path) -> Drive:
+    """Return what is commanded: a gait of a problem, or a log of commands.
+
+    Args:
+        problem: the problem.
+        drive: a drive, what `Problem.find_gait` finds by name or path, or a log of commands (see
+            `read_commands`).
+
+    Raises:
+        GaitoptError: there is no such gait or log, or it does not fit the problem.
+    """
+    if isinstance(drive, Drive) and not isinstance(drive, Gait):
+        return drive
+    if isinstance(drive, Gait) or str(drive) in problem.baselines:
+        return found_gait(problem, drive)
+    path = Path(drive)
+    if path.suffix.lower() == ".csv" and path.is_file() and not is_table(path):
+        return read_commands(path, problem)
+    return found_gait(problem, drive)
 
 
 def check_positive(option: str, value: float | None) -> None:

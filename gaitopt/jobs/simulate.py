@@ -1,4 +1,4 @@
-"""The job `simulate`: one gait on the nominal robot."""
+"""The job `simulate`: one gait, or a log of commands, on the nominal robot."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gaitopt.core.files import write_text
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.drive import Drive
 from gaitopt.jobs.film import FilmOptions, check_film_request, takes_of
-from gaitopt.jobs.inputs import found_gait
+from gaitopt.jobs.inputs import found_drive
 from gaitopt.jobs.outputs import writing
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
@@ -24,40 +24,44 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Rollout:
-    """One simulated gait.
+    """One simulated gait, or log of commands.
 
     Attributes:
-        gait: the gait.
+        gait: the gait or the log.
         trajectory: its time series.
         metrics: its metrics, by name.
         takes: what its film shows, from left to right; empty if none was requested.
     """
 
-    gait: Gait
+    gait: Drive
     trajectory: Trajectory
     metrics: Metrics
     takes: tuple[Take, ...] = field(default=(), repr=False)
 
     def to_dict(self) -> dict[str, object]:
         """Return the row that `gaitopt simulate` prints."""
-        head = {"name": self.gait.name, "period_s": self.gait.period_s, "status": self.trajectory.status}
+        head: dict[str, object] = {
+            "name": self.gait.name,
+            "period_s": self.gait.period_s,
+            "status": self.trajectory.status,
+        }
         return head | dict(self.metrics)
 
 
 def simulate(
     problem: Problem,
-    gait: Gait | str | Path,
+    gait: Drive | str | Path,
     *,
     csv: Path | str | None = None,
     video: Path | str | None = None,
     film: FilmOptions | None = None,
     view: bool = False,
 ) -> Rollout:
-    """Simulate one gait on the nominal robot.
+    """Simulate one gait, or a log of commands, on the nominal robot.
 
     Args:
         problem: the problem.
-        gait: a gait, or what `Problem.find_gait` finds by name or path.
+        gait: a gait or other commands, what `Problem.find_gait` finds by name or path, or a log of commands.
         csv: where to write the time series.
         video: where to write a film: ``.mp4``, ``.gif`` or ``.webp``.
         film: what else the film shows, and how long it is.
@@ -71,7 +75,7 @@ def simulate(
     check_film_request(video, film, view)
     with writing(problem, csv, video):
         problem = carrying(problem)
-        gait = found_gait(problem, gait)
+        gait = found_drive(problem, gait)
         simulator = Simulator.build(problem)
         takes = takes_of(simulator, [gait], film) if video is not None or view else []
         trajectory = takes[0].trajectory if takes else simulator.run(gait)

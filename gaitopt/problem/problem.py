@@ -198,8 +198,14 @@ class Problem:
                 f"{reference}: neither a baseline nor a gait file nor an exported table nor a run folder; "
                 f"baselines: {known}"
             )
-        gait = read_table(path).gait if is_table(path) else read_gait(path)
-        return self.check_gait(gait, path, in_range)
+        if is_table(path):
+            return self.check_gait(read_table(path).gait, path, in_range)
+        if path.suffix.lower() == ".csv":
+            raise GaitoptError(
+                f"{path}: a CSV table, but no exported gait; allowed: a gait. Logged commands can only be "
+                "simulated, written out by `command`, and be the commands of a trial"
+            )
+        return self.check_gait(read_gait(path), path, in_range)
 
     def with_parameters(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with some named parameters changed.

@@ -12,7 +12,7 @@ from gaitopt.cli.options import add_gait, add_problem, problem_of
 def add_options(parser: Parser) -> None:
     """Add the options."""
     add_problem(parser)
-    add_gait(parser)
+    add_gait(parser, logs=True)
     add = parser.add_argument
     add("--dt", type=float, metavar="S", required=True, help="time between rows, s")
     add("--duration", type=float, metavar="S", required=True, help="rows end before this, s")
@@ -29,7 +29,7 @@ def run(options: Options) -> None:
 
 COMMAND = Command(
     name="command",
-    summary="write the targets that are sent to each actuator",
+    summary="write the targets that are sent to each actuator by a gait or a log of commands",
     example="gaitopt command arcfold square-1s --dt 0.01 --duration 2 --out command.csv",
     add_options=add_options,
     run=run,

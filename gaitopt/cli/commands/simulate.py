@@ -13,7 +13,7 @@ from gaitopt.core.errors import GaitoptError
 def add_options(parser: Parser) -> None:
     """Add the options."""
     add_problem(parser)
-    add_gait(parser)
+    add_gait(parser, logs=True)
     add = parser.add_argument
     add("--csv", type=Path, metavar="F", help="write the time series here")
     add("--video", type=Path, metavar="F", help="write a film: a file that ends in .mp4, .gif or .webp")
@@ -50,7 +50,7 @@ def run(options: Options) -> None:
 
 COMMAND = Command(
     name="simulate",
-    summary="simulate one gait",
+    summary="simulate one gait, or a log of commands",
     example="gaitopt simulate arcfold square-1s --video walk.mp4",
     add_options=add_options,
     run=run,

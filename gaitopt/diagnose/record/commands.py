@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,8 @@ def read_commands(
 
     A column is ``NAME_rad``, ``NAME_deg`` or ``NAME_us`` (pulse width, through the calibration of the
     channel's servo), NAME being the channel. A blank cell means that the servo is unpowered, as does a pulse
-    width of 0. Targets beyond the servo's travel are kept.
+    width of 0. Targets beyond the servo's travel are kept. What `gaitopt command` writes is such a log, too,
+    and so is what `gaitopt simulate` writes.
 
     Args:
         path: a CSV table.
@@ -42,10 +44,12 @@ def read_commands(
         GaitoptError: the file is no such table, a channel has no column, or time does not rise.
     """
     columns = dict(columns or {})
+    table = read_csv(path)
+    if table.head == ("t_s", *problem.channel_names):  # what `gaitopt command` writes
+        table = replace(table, head=("t_s", *(f"{name}_rad" for name in problem.channel_names)))
     for channel in columns:
         if channel not in problem.file.channels:
             raise unknown_name(f"{path}: channels", "channel", channel, problem.channel_names)
-    table = read_csv(path)
     stamps = _stamps(table, time)
     named = {name: columns.get(name) or _column_of(table, name) for name in problem.channel_names}
     rows = np.stack([_targets(table, problem, *pair) for pair in named.items()], axis=-1)
@@ -92,7 +96,7 @@ def _stamps(table: TextTable, time: str | None) -> Series:
 def _column_of(table: TextTable, channel: str) -> str:
     """Return the column of a channel."""
     possible = [f"{channel}_{unit}" for unit in COMMAND_UNITS]
-    present = [name for name in possible if name in table.head]
+    present = [name for name in (*possible, f"target.{channel}_rad") if name in table.head]
     if len(present) == 1:
         return present[0]
     if present:

@@ -13,7 +13,7 @@ from PIL import Image
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_with
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.drive import Drive
 from gaitopt.report import settings as defaults
 from gaitopt.report.film.encode import write_loop, write_mp4
 from gaitopt.report.film.scene import Scene
@@ -23,7 +23,7 @@ from gaitopt.report.settings import FilmSettings
 FORMATS = (".mp4", ".gif", ".webp")
 
 
-def film_length(shown: Sequence[Take] | Sequence[Gait], settings: FilmSettings | None = None) -> float:
+def film_length(shown: Sequence[Take] | Sequence[Drive], settings: FilmSettings | None = None) -> float:
     """Return the default length of a film, s: whole cycles of the slowest gait."""
     settings = settings or defaults.DEFAULT.film
     period = max(one.block_s for one in shown)

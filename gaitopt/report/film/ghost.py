@@ -12,7 +12,8 @@ from gaitopt.diagnose.gap.align import align
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import DataSet
 from gaitopt.diagnose.record.trial import Trial
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.drive import Drive
+from gaitopt.gait.logged import LoggedCommands
 from gaitopt.robot.signals import AXES, MARKER, marker_signal
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
@@ -67,14 +68,18 @@ def ghost_of(simulator: Simulator, trial: Trial, trajectory: Trajectory) -> Ghos
     return Ghost(trial.name, aligned.time[seen], positions[seen])
 
 
-def trial_of(dataset: DataSet, gait: Gait) -> Trial:
-    """Return the first trial of a gait.
+def trial_of(dataset: DataSet, drive: Drive) -> Trial:
+    """Return the first trial of a gait or of a log, wherever its joints started.
 
     Raises:
         GaitoptError: there is none.
     """
     for trial in dataset.trials:
-        if trial.drive.key == gait.key:
+        if _commands_of(trial.drive) == _commands_of(drive):
             return trial
     there = ", ".join(dict.fromkeys(trial.drive.name for trial in dataset.trials))
-    raise GaitoptError(f"{dataset.source}: no trial of {gait.name}; allowed: a gait measured there: {there}")
+    raise GaitoptError(f"{dataset.source}: no trial of {drive.name}; allowed: a gait measured there: {there}")
+
+
+def _commands_of(drive: Drive) -> str:
+    return drive.commands_key if isinstance(drive, LoggedCommands) else drive.key
