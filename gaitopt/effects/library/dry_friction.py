@@ -8,8 +8,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
 _SOLREF = (2e-3, 1.0)
 _SOLIMP = (0.9999, 0.9999, 1e-3, 0.5, 2.0)
 """Dry friction that holds: with MuJoCo's default impedance a joint held by friction creeps.
@@ -25,16 +23,16 @@ def stiffen_friction(model: mujoco.MjModel, dofs: Sequence[int] | NDArray[np.int
     model.dof_solimp[dofs] = _SOLIMP
 
 
-def varied_friction(model: mujoco.MjModel, dofs: Sequence[int]) -> Callable[[Array], None]:
+def varied_friction(model: mujoco.MjModel, dofs: Sequence[int]) -> Callable[[Sequence[float]], None]:
     """Return what sets one part of the dry friction of some degrees of freedom while a model runs, N m.
 
     Several effects may each set their own part: each replaces what it added before, and parts add up.
     """
-    added = np.zeros(len(dofs))
+    friction, added = model.dof_frictionloss, [0.0] * len(dofs)
 
-    def set_part(torques: Array) -> None:
-        nonlocal added
-        model.dof_frictionloss[dofs] += torques - added
-        added = torques
+    def set_part(torques: Sequence[float]) -> None:
+        for index, torque in enumerate(torques):
+            friction[dofs[index]] += torque - added[index]
+            added[index] = torque
 
     return set_part

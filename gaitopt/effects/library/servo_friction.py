@@ -16,10 +16,11 @@ import math
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitopt.effects.added import added_name
 from gaitopt.effects.effect import Effect, Update
-from gaitopt.effects.library.dry_friction import Array, stiffen_friction, varied_friction
+from gaitopt.effects.library.dry_friction import stiffen_friction, varied_friction
 from gaitopt.effects.library.servo import drives_no_joint, torque_scale
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
@@ -104,8 +105,8 @@ def _loaded(parts: Parts, share: float) -> Update:
     addresses = list(sensed_by_dof.values())
     set_part = varied_friction(parts.model, list(sensed_by_dof))
 
-    def update(sensed: Array) -> None:
-        set_part(share * np.abs(sensed[addresses]))
+    def update(sensed: NDArray[np.float64]) -> None:
+        set_part([share * abs(transmitted) for transmitted in sensed[addresses].tolist()])
 
     return update
 
@@ -144,10 +145,11 @@ def _stick(parts: Parts, torque: float) -> Update:
     sensed_by_dof = _sensed("speed", parts)
     addresses = list(sensed_by_dof.values())
     set_part = varied_friction(parts.model, list(sensed_by_dof))
-    set_part(np.full(len(addresses), torque))
+    set_part([torque] * len(addresses))
 
-    def update(sensed: Array) -> None:
-        set_part(torque * np.exp(-((sensed[addresses] / STRIBECK_RAD_S) ** 2)))
+    def update(sensed: NDArray[np.float64]) -> None:
+        relative = (sensed[addresses] / STRIBECK_RAD_S).tolist()
+        set_part([torque * math.exp(-v * v) for v in relative])
 
     return update
 
