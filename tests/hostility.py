@@ -74,6 +74,11 @@ def make_device(path: Path) -> Path:
     return path
 
 
+def contents(folder: Path) -> dict[str, tuple[str, int]]:
+    """The text and the time stamp of each file in a folder."""
+    return {path.name: (path.read_text(), path.stat().st_mtime_ns) for path in folder.iterdir()}
+
+
 @cache
 def trees() -> list[tuple[str, ast.Module]]:
     """Every source file of the package, parsed."""

@@ -34,3 +34,13 @@ def unfinished(finished: Path) -> Path:
     journal = finished / "evaluations.csv"
     journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:4]))
     return finished
+
+
+@pytest.fixture
+def victim(tmp_path: Path) -> Path:
+    """A folder of the user, with files that a sweep of leftovers would take for its own."""
+    folder = tmp_path / "victim"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("mine")
+    (folder / ".notes.abcd1234.txt").write_text("mine")
+    return folder

@@ -2,52 +2,16 @@
 
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from helpers import STRIDER
-from hostility import run
+from hostility import contents, run
 
 from gaitopt.core.own_files import check_folder
 from gaitopt.diagnose.fit.cache import SimulationCache
-
-WATCHED = """
-import os, sys
-opened = []
-CHANGES = {"os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.chmod", "os.truncate", "shutil.rmtree"}
-def watch(event, arguments):
-    if event == "open" and isinstance(arguments[2], int):
-        path, _, flags = arguments
-        if flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC) and not isinstance(path, int):
-            opened.append(os.fsdecode(path))
-    elif event in CHANGES:
-        opened.extend(os.fsdecode(one) for one in arguments[:2] if isinstance(one, (str, bytes, os.PathLike)))
-sys.addaudithook(watch)
-from gaitopt.cli import app
-code = app.main(sys.argv[1:])
-for path in opened:
-    print("OPENED", os.path.abspath(path))
-sys.exit(code)
-"""
-
-
-@pytest.fixture
-def victim(tmp_path: Path) -> Path:
-    """A folder of the user, with files that a sweep of leftovers would take for its own."""
-    folder = tmp_path / "victim"
-    folder.mkdir()
-    (folder / "notes.txt").write_text("mine")
-    (folder / ".notes.abcd1234.txt").write_text("mine")
-    return folder
-
-
-def contents(folder: Path) -> dict[str, tuple[str, int]]:
-    return {path.name: (path.read_text(), path.stat().st_mtime_ns) for path in folder.iterdir()}
-
 
 LINKED = [
     *(".lock", "evaluations.csv", "run.toml", "problem.toml", "model.xml", "summary.json", "best.toml"),
@@ -174,26 +138,3 @@ def test_a_folder_without_end_is_refused(tmp_path: Path, monkeypatch: pytest.Mon
         (tmp_path / str(index)).touch()
     with pytest.raises(Exception, match="found more than 10 entries"):
         check_folder(tmp_path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("hostile", [False, True])
-def test_a_resumed_run_opens_nothing_outside_its_folder_to_write(
-    unfinished: Path, victim: Path, tmp_path: Path, hostile: bool
-) -> None:
-    """Watched by an audit hook: files opened to write, removed, renamed and made, folders made."""
-    before = contents(victim)
-    if hostile:
-        (unfinished / ".lock").symlink_to(victim / "notes.txt")
-        (unfinished / "figures").symlink_to(victim, target_is_directory=True)
-        (unfinished / "best.toml").symlink_to(victim / "notes.txt")
-    words = [sys.executable, "-c", WATCHED, "optimise", unfinished, "--resume", unfinished, "--quiet"]
-    settings = os.environ | {"MPLCONFIGDIR": str(tmp_path / "settings"), "PYTHONDONTWRITEBYTECODE": "1"}
-    done = subprocess.run(words, capture_output=True, text=True, env=settings, cwd=tmp_path, check=False)
-    assert done.returncode == hostile, done.stderr
-    opened = {Path(line.split(" ", 1)[1]) for line in done.stdout.splitlines() if line.startswith("OPENED")}
-    allowed = (unfinished, tmp_path / "settings", Path("/dev/null"), Path("/proc"))
-    outside = {path for path in opened if not any(path.is_relative_to(one) for one in allowed)}
-    assert outside == set()
-    assert bool(opened) != hostile
-    assert contents(victim) == before
