@@ -8,12 +8,14 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
 from gaitopt.diagnose.fit.runner import Runner
-from gaitopt.diagnose.gap.align import align, pooled_marker_rms
+from gaitopt.diagnose.gap.align import align, pooled_angle_rms, pooled_marker_rms
 from gaitopt.diagnose.gap.floor import marker_floor, measure_floors
 from gaitopt.diagnose.gap.leftover import top_speeds
 from gaitopt.diagnose.gap.predict import predict
@@ -30,6 +32,7 @@ from gaitopt.diagnose.record.dataset import DataSet
 from gaitopt.diagnose.trial_gap import TrialGap, trial_gap
 from gaitopt.effects import EFFECTS
 from gaitopt.problem.records import Fidelity
+from gaitopt.robot.signals import is_position
 from gaitopt.simulation.rollout import Simulator
 
 
@@ -137,6 +140,29 @@ class Diagnosis:
         return Gap(before, after, floor, (end, end))
 
     @property
+    def gap_angles(self) -> Gap | None:
+        """RMS error of all angles over all trials, rad; None where no angle was measured."""
+        return self.located_gap_angles
+
+    @property
+    def located_gap_angles(self) -> Gap | None:
+        """The same without fitting: after is before."""
+        angles = [(trial, name) for trial in self.trials for name in trial.floors if not is_position(name)]
+        samples = [int(np.isfinite(trial.aligned.residual[name]).sum()) for trial, name in angles]
+        if not sum(samples):
+            return None
+        gap = pooled_angle_rms([trial.aligned for trial in self.trials])
+        floor = math.sqrt(_mean([trial.floors[name].total ** 2 for trial, name in angles], samples))
+        known = shrinkage(gap, gap, floor)
+        end = math.nan if known is None else known
+        return Gap(gap, gap, floor, (end, end))
+
+    @property
+    def measures_positions(self) -> bool:
+        """Whether the marker or another site was measured; otherwise the gap is one of angles alone."""
+        return any(is_position(name) for trial in self.trials for name in trial.floors)
+
+    @property
     def where(self) -> list[GapShare]:
         """Components of the gap, the largest share first; of trials that can blame something."""
         return gap_shares([trial for trial in self.trials if trial.counts])
@@ -157,6 +183,7 @@ class Diagnosis:
             "effects": [row.to_dict() for row in self.found.effects] if self.found else [],
             "where": [share.to_dict() for share in self.where],
             "gap": self.gap.to_dict(),
+            "gap_angles": _in_rad(self.gap_angles),
             "gap_by_trial": [gap.to_dict() for gap in self.gap_by_trial],
             "next_experiment": self.experiment.to_dict() if self.experiment else None,
             "trials": [trial.to_dict() for trial in self.trials],
@@ -241,6 +268,19 @@ def locate(
     gaps = [trial_gap(simulator.problem, *part, speeds, settings) for part in parts]
     name, source = simulator.problem.name, str(dataset.source)
     return Diagnosis(name, source, seed, simulator.fidelity, tuple(gaps))
+
+
+def _in_rad(gap: Gap | None) -> dict[str, object] | None:
+    """Return ``gap_angles`` of ``diagnosis.json``."""
+    if gap is None:
+        return None
+    return {
+        "heldout_before_rad": gap.before,
+        "heldout_after_rad": gap.after,
+        "floor_rad": gap.floor,
+        "shrinkage": gap.shrinkage,
+        "shrinkage_ci90": list(gap.ci90),
+    }
 
 
 def _mean(values: Sequence[float], weights: Sequence[int]) -> float:

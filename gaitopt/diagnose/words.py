@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
 from gaitopt.diagnose.diagnosis import Diagnosis
+from gaitopt.diagnose.gap.components import LARGEST_SIZE
 from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.split import Split
+from gaitopt.diagnose.gap.where import by_component
 from gaitopt.diagnose.judge.experiment import Experiment
 from gaitopt.diagnose.judge.gap import Gap
 from gaitopt.diagnose.judge.unevenness import UNEVEN
@@ -24,13 +30,14 @@ _FLOOR_PARTS = {
     "numerics": "the timestep",
     "clock": "the rounded clock",
     "repeats": "repeats that differ",
+    "others": "repeats of other commands that differ",
 }
 
 
 def answer(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
-    gap = diagnosis.gap
-    figures = f"{_mm(gap.before)} RMS of the marker, floor {_mm(gap.floor)}"
+    gap = shown_gap(diagnosis)
+    figures = f"{gap.amount(gap.gap.before)} RMS of {gap.of}, floor {gap.amount(gap.gap.floor)}"
     if diagnosis.verdict == "no_gap":
         return f"No significant gap: {figures}."
     if diagnosis.verdict == "explained" and not (diagnosis.found and diagnosis.found.causes):
@@ -40,8 +47,43 @@ def answer(diagnosis: Diagnosis) -> str:
     text = f"There is a gap: {figures}."
     for first in diagnosis.where[:1]:  # nothing where every part of the gap is within the floor
         part = f"{first.component} of {first.signal} in trial {first.trial}"
+        if any(has_log(trial) for trial in diagnosis.trials):
+            whole = by_component(diagnosis.where)[0]
+            part = f"{name_of_component(whole.component)} of {whole.signal} over all trials"
+            first = replace(first, share=whole.share)
         text += f" The largest part of it is {part} ({first.share:.0%})."
     return text
+
+
+@dataclass(frozen=True)
+class ShownGap:
+    """The gap that is put into words: the marker's, or that of the angles where no marker was measured.
+
+    Attributes:
+        gap: the gap, m or rad.
+        of: what it is the gap of.
+        amount: returns a length or an angle in words.
+    """
+
+    gap: Gap
+    of: str
+    amount: Callable[[float], str]
+
+
+def shown_gap(diagnosis: Diagnosis) -> ShownGap:
+    """Return the gap that is put into words."""
+    angles = None if diagnosis.measures_positions else diagnosis.gap_angles
+    return ShownGap(angles, "the angles", angle) if angles else ShownGap(diagnosis.gap, "the marker", _mm)
+
+
+def has_log(trial: TrialGap) -> bool:
+    """Return whether what was commanded has no period."""
+    return trial.aligned.trial.drive.period_s is None
+
+
+def name_of_component(component: str) -> str:
+    """Return a component's name in words."""
+    return component.replace("stick_slip", "stick and slip")
 
 
 _VERDICTS = {
@@ -66,12 +108,13 @@ def _who(diagnosis: Diagnosis) -> tuple[str, str]:
     return " and ".join(texts), " or ".join(found.ambiguous_with)
 
 
-def _before_after(gap: Gap) -> str:
+def _before_after(shown: ShownGap) -> str:
     """Return the gap on held-out data in words."""
-    before, after, floor = map(_mm, (gap.before, gap.after, gap.floor))
+    gap = shown.gap
+    before, after, floor = map(shown.amount, (gap.before, gap.after, gap.floor))
     share = gap.shrinkage
     shrinks = "" if share is None else f", which is {share:.0%} of what is above the floor"
-    return f"{before} RMS of the marker before, {after} after on held-out trials{shrinks}; floor {floor}"
+    return f"{before} RMS of {shown.of} before, {after} after on held-out trials{shrinks}; floor {floor}"
 
 
 def _ranking(diagnosis: Diagnosis) -> list[str]:
@@ -119,7 +162,7 @@ def explanation(diagnosis: Diagnosis) -> list[str]:
     """Return what is known of each trial, and what the defects of its recording are."""
     sentences = _ranking(diagnosis)
     for trial in diagnosis.trials:
-        sentences.append(_trial(trial))
+        sentences.append(_of_log(trial) if has_log(trial) else _trial(trial))
         sentences += [f"{trial.name}: {defect.name}: {defect.message}." for defect in trial.defects]
         for name, part in trial.splits.items() if trial.counts else ():
             if part.rms > trial.floors[name].total:
@@ -132,10 +175,12 @@ def _trial(trial: TrialGap) -> str:
     worst = max(trial.ratios, key=lambda name: trial.ratios[name])
     start = "fitted" if trial.aligned.trial.starts_at_s is None else "as the data set says"
     offset = f"the recording begins at gait time {trial.aligned.offset_s:.2f} s ({start})"
-    if any(map(is_position, trial.floors)):
+    positions = [name for name in trial.floors if is_position(name)]
+    if positions:
         floor = marker_floor(trial.floors)
         gap = (
-            f"gap of {_mm(trial.aligned.marker_rms)} RMS, floor {_mm(floor)}, most of it {_main_part(trial)}"
+            f"gap of {_mm(trial.aligned.marker_rms)} RMS, floor {_mm(floor)}, most of it "
+            f"{_main_part(trial, positions)}"
         )
     else:
         gap = "no marker was measured"
@@ -148,13 +193,32 @@ def _trial(trial: TrialGap) -> str:
     return f"{trial.name}: {gap}; {verdict}; {offset}."
 
 
-def _main_part(trial: TrialGap) -> str:
-    """Return what most of the marker's floor comes from."""
+def _of_log(trial: TrialGap) -> str:
+    """Return what is known of a trial of logged commands: of its signal that is most floors off."""
+    worst = max(trial.ratios, key=lambda name: trial.ratios[name])
+    if worst in trial.floors:
+        signals, apart, floor, amount = [worst], trial.aligned.rms(worst), trial.floors[worst].total, angle
+    else:
+        signals = [name for name in trial.floors if is_position(name)]
+        apart, floor, amount = trial.aligned.marker_rms, marker_floor(trial.floors), _mm
+    ratio = trial.ratios[worst]
+    text = (
+        f"{trial.name}: {worst} is {amount(apart)} RMS off, {ratio:.1f} times its floor of {amount(floor)}, "
+        f"most of which is {_main_part(trial, signals)}"
+    )
+    if ratio <= SIGNIFICANT:
+        text += "; this is not significant" if ratio > 1.0 else "; this trial is not used to find a cause"
+    if trial.aligned.trial.starts_at_s is None:
+        text += f"; the recording begins {trial.aligned.offset_s:.2f} s after the log (fitted)"
+    return f"{text}."
+
+
+def _main_part(trial: TrialGap, signals: Sequence[str]) -> str:
+    """Return what most of the floor of some signals comes from."""
     sums: dict[str, float] = {}
-    for name, floor in trial.floors.items():
-        if is_position(name):
-            for part in _FLOOR_PARTS:
-                sums[part] = sums.get(part, 0.0) + (getattr(floor, part) or 0.0) ** 2
+    for name in signals:
+        for part in _FLOOR_PARTS:
+            sums[part] = sums.get(part, 0.0) + (getattr(trial.floors[name], part) or 0.0) ** 2
     return _FLOOR_PARTS[max(sums, key=lambda part: sums[part])]
 
 
@@ -162,15 +226,40 @@ def _components(part: Split) -> str:
     total = part.rms**2
     ordered = sorted(part.squares.items(), key=lambda item: -item[1])
     worth = [name for name, square in ordered if square >= _WORTH_SAYING * total]
-    texts = [f"{part.squares[name] / total:.0%} {name}{_what(part, name)}" for name in worth]
+    what = _what if part.travel else _what_of_log
+    texts = [
+        f"{part.squares[name] / total:.0%} {name_of_component(name)}{what(part, name)}" for name in worth
+    ]
     return "; ".join(texts)
+
+
+def _what_of_log(part: Split, component: str) -> str:
+    """Return what a component of the gap of logged commands means."""
+    if component == "gain":
+        if part.size >= LARGEST_SIZE:
+            return " (it moves, and the simulated one hardly does)"
+        return f" (it moves {part.size:.2f} times as far as simulated)"
+    if component == "bias":
+        off = math.sqrt(part.squares[component])
+        return f" (it lies {_length(part, off)} beside the simulated one)"
+    if component == "lag":
+        late = "later" if part.delay_s > 0.0 else "earlier"
+        return f" (it moves {1e3 * abs(part.delay_s):.0f} ms {late} than simulated)"
+    return _OF_LOGS[component]
+
+
+_OF_LOGS = {
+    "overshoot": " (after a change of command it moves otherwise: it rings more, or less)",
+    "stick_slip": " (it advances in steps where the command is smooth, or only the simulated one does)",
+    "saturation": " (it differs where the motion runs at its limit)",
+    "drift": " (it drifts from the simulated path)",
+    "noise": " (noise of the measurement)",
+}
 
 
 def _what(part: Split, component: str) -> str:
     if component == "drift":
-        if part.travel is None:
-            return " (it drifts from the simulated path)"
-        measured, simulated = part.travel
+        measured, simulated = part.travel or (math.nan, math.nan)
         return (
             f" (net travel {_length(part, measured)} a cycle, simulated {_length(part, simulated)}; the size "
             f"of the stride, {part.size:.2f} times the simulated one, does not explain it)"
@@ -188,7 +277,14 @@ def _what(part: Split, component: str) -> str:
 
 
 def _length(part: Split, value: float) -> str:
-    return _mm(value) if is_position(part.signal) else f"{value:.3g} rad"
+    if is_position(part.signal):
+        return _mm(value)
+    return f"{value:.3g} rad" if part.travel else angle(value)
+
+
+def angle(value: float) -> str:
+    """Return an angle, rad, in words."""
+    return f"{value:.3g} rad ({math.degrees(value):.3g}°)"
 
 
 def _mm(value: float) -> str:

@@ -137,3 +137,15 @@ def pooled_marker_rms(trials: Sequence[Aligned]) -> float:
             total += aligned.marker_rms**2 * int(max(counts))
             samples += int(max(counts))
     return float(np.sqrt(total / samples)) if samples else 0.0
+
+
+def pooled_angle_rms(trials: Sequence[Aligned]) -> float:
+    """Return the RMS error of the angles over all samples of some trials, rad; 0 where none was measured."""
+    squares = [
+        residual[np.isfinite(residual)] ** 2
+        for aligned in trials
+        for name, residual in aligned.residual.items()
+        if not is_position(name)
+    ]
+    pooled = np.concatenate([np.empty(0), *squares])
+    return float(np.sqrt(pooled.mean())) if len(pooled) else 0.0

@@ -189,7 +189,7 @@ def _lag(fitted: Fitted, settings: CommandSplitSettings) -> _Candidates:
     """Yield the delay that fits best."""
     pair = fitted.pair
     longest = _longest_lag(pair.time, settings)
-    delays = np.linspace(-longest, longest, settings.delays)
+    delays = np.linspace(-longest, longest, settings.delays) - fitted.delay_s
     best, _ = _best_delay(pair, delays)
     near = np.linspace(-1.0, 1.0, settings.finer) * (delays[1] - delays[0])
     delay, moved = _best_delay(pair, best + near)

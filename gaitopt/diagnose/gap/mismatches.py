@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from gaitopt.diagnose.gap.align import Aligned
+from gaitopt.diagnose.gap.leftover import channel_of
 from gaitopt.diagnose.gap.settings import DEFAULT, MismatchSettings
 from gaitopt.diagnose.record.cycles import Cycles, steady
 from gaitopt.diagnose.record.defect import Defect
-from gaitopt.diagnose.record.noise import block_range
+from gaitopt.diagnose.record.noise import block_range, noise_of
 from gaitopt.diagnose.record.trial import Series, Trial
-from gaitopt.robot.signals import axis_of
+from gaitopt.robot.signals import axis_of, is_position
 from gaitopt.robot.trajectory import Trajectory
 
 _LENGTHS = {"they may be millimetres": 1e3, "they may be centimetres": 1e2}
+_ANGLES = {"it may be in degrees": math.degrees(1.0), "it may be in rad": math.radians(1.0)}
 
 
 def mismatches(
     aligned: Aligned, transient: float, settings: MismatchSettings = DEFAULT.mismatches
 ) -> Iterator[Defect]:
-    """Yield a wrong frame rate or a wrong unit of length, else reversed axes.
+    """Yield a wrong frame rate or a wrong unit, else reversed axes.
 
-    A frame rate or a unit is wrong if most coordinates of the marker say so.
+    A frame rate or a unit of length is wrong if most coordinates of the marker say so. Angles are checked
+    where commands were logged.
 
     Args:
         aligned: the cleaned trial aligned with its nominal prediction.
@@ -31,6 +35,8 @@ def mismatches(
         settings: see `MismatchSettings`.
     """
     trial = aligned.trial
+    if trial.drive.period_s is None:
+        yield from _angles(aligned, settings)
     for check in _OF_MOST_COORDINATES:
         found = [check(trial, aligned.simulated, name, settings) for name in trial.positions]
         defects = [defect for defect in found if defect is not None]
@@ -118,6 +124,34 @@ def _unit(trial: Trial, simulated: Trajectory, name: str, settings: MismatchSett
     block = "block" if trial.drive.period_s is None else "cycle"
     message = f"{name} moves {ratio:.3g} times as far in a {block} as the simulated robot, in metres: {guess}"
     return Defect("wrong_unit", trial.name, message, parameters={"ratio": ratio})
+
+
+def _angles(aligned: Aligned, settings: MismatchSettings) -> Iterator[Defect]:
+    """Yield angles that seem to have another unit than their column says, else angles that are reversed."""
+    trial = aligned.trial
+    for name in trial.signals:
+        measured, predicted = trial.signals[name][trial.used[name]], aligned.predicted[name][trial.used[name]]
+        turned, least = float(np.ptp(measured)), settings.moves * noise_of(measured)
+        expected = _expected_range(aligned, name) or float(np.ptp(predicted))
+        if is_position(name) or turned <= least or expected == 0.0:
+            continue
+        ratio = turned / expected
+        guess = next((words for words, scale in _ANGLES.items() if 0.5 < ratio / scale < 2.0), None)
+        if guess is not None:
+            message = f"{name} turns {ratio:.3g} times as far as commanded or simulated: {guess}"
+            yield Defect("wrong_unit", trial.name, message, parameters={"ratio": ratio})
+        elif np.ptp(predicted) > least and _runs_against(aligned, name, settings):
+            message = f"{name} turns against the simulated joint: does it count the other way?"
+            yield Defect("axis_reversed", trial.name, message)
+
+
+def _expected_range(aligned: Aligned, name: str) -> float:
+    """Return how far a joint is commanded to turn, rad; 0 where its commands do not change or say nothing."""
+    channel = channel_of(aligned.simulated, name)
+    if channel is None:
+        return 0.0
+    targets = aligned.trial.drive.targets(aligned.time)[:, channel]
+    return float(np.ptp(targets)) if np.isfinite(targets).all() else 0.0
 
 
 _OF_MOST_COORDINATES: tuple[Callable[[Trial, Trajectory, str, MismatchSettings], Defect | None], ...] = (

@@ -58,6 +58,7 @@ class MismatchSettings:
         reversed: correlation with the simulated motion below which an axis is reversed.
         travels: a coordinate travels if its travel per cycle exceeds this share of its swing within a cycle.
         travels_back: it is reversed if it travels the other way by this share of the simulated travel.
+        moves: an angle moves if its range is this many times its noise.
     """
 
     ratios: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
@@ -72,6 +73,7 @@ class MismatchSettings:
     reversed: float = -0.6
     travels: float = 0.5
     travels_back: float = 0.25
+    moves: float = 20.0
 
 
 @dataclass(frozen=True)

@@ -74,6 +74,51 @@ def gap_shares(trials: Sequence[SplitTrial]) -> list[GapShare]:
     return sorted(present, key=lambda one: -one.share)
 
 
+@dataclass(frozen=True)
+class ComponentShare:
+    """One component of the gap of one signal over all trials.
+
+    Attributes:
+        signal: name of the signal.
+        component: name of the component.
+        share: its share of the squared gaps of all trials, each in its floors.
+        gap: RMS of the component over the trials, in `unit`.
+        unit: ``m`` or ``rad``.
+        largest: its row in the trial where it is largest in floors.
+    """
+
+    signal: str
+    component: str
+    share: float
+    gap: float
+    unit: str
+    largest: GapShare
+
+
+def by_component(shares: Sequence[GapShare]) -> list[ComponentShare]:
+    """Return the components of some gaps over all trials, the largest share first.
+
+    Args:
+        shares: components by trial, the largest share first; see `gap_shares`.
+    """
+    rows: dict[tuple[str, str], list[GapShare]] = {}
+    for one in shares:
+        rows.setdefault((one.signal, one.component), []).append(one)
+    trials = {signal: len({one.trial for one in shares if one.signal == signal}) for signal, _ in rows}
+    found = [
+        ComponentShare(
+            signal,
+            component,
+            sum(one.share for one in own),
+            math.sqrt(sum(one.gap**2 for one in own) / trials[signal]),
+            own[0].unit,
+            own[0],
+        )
+        for (signal, component), own in rows.items()
+    ]
+    return sorted(found, key=lambda one: -one.share)
+
+
 def _gap_share(trial: str, part: Split, component: str, floor: float) -> GapShare:
     """Return one component; its share is not yet divided by the sum of all."""
     rms = math.sqrt(part.squares[component])

@@ -199,3 +199,11 @@ def test_a_limited_series_follows_no_faster() -> None:
     (slow, quick) = limited(time, np.where(time > 0.25, 1.0, 0.0), np.array([2.0, 100.0]))
     np.testing.assert_allclose(slow, np.clip(0.2 * (np.arange(10) - 2), 0.0, 1.0), atol=1e-12)
     np.testing.assert_allclose(quick, np.where(time > 0.25, 1.0, 0.0))
+
+
+def test_a_joint_that_only_moves_in_reality_is_gain() -> None:
+    shape = ("step", 0.16, 0.24)
+    stuck = align(beside(*shape).trial, Servo(limit=1e-4).follow(commands(*shape), 0.5))
+    part = of(stuck)
+    assert share(part, "gain") > 0.9
+    assert part.size > 20.0
