@@ -183,9 +183,8 @@ def diagnose(
         opened(executor, workers) as pool,
     ):
         if resumed is not None and not question.cache(folder).folder.is_dir():
-            raise GaitoptError(
-                f"--resume: {folder}: nothing was simulated there with this problem, data set and seed"
-            )
+            others = "nothing was simulated there with this problem, data set and seed (changed since?)"
+            raise GaitoptError(f"--resume: {folder}: {others}; allowed: what it began with, or a new --out")
         return _run(answered_into(folder, question, pool, on_progress, full=full), folder)
 
 

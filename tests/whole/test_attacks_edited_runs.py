@@ -1,15 +1,20 @@
 """Attacks with a run folder whose files were edited: its journal, request, summary and diagnosis."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from helpers import STRIDER, edited
+from helpers import STRIDER, edited, problem_folder
 from hostility import run
+from stopping import small_trials
 
 from gaitopt.cli import app as cli
+from gaitopt.diagnose.diagnosis import DiagnosisRequest
+from gaitopt.jobs.diagnose import Question
 from gaitopt.optimise.journal import _digest, _line
 from gaitopt.problem.problem import load_problem
 from gaitopt.runs.run_folder import RunFolder
@@ -227,3 +232,55 @@ def test_an_edited_diagnosis_is_printed_or_one_line(
     code = cli.main([*words, *(["--json"] if as_json else [])])
     _, err = capsys.readouterr()
     assert code == err.count("\n")
+
+
+CHANGES = {
+    "a parameter": ("robot/problem.toml", "value = 0.5", "value = 0.6"),
+    "the model": ("robot/strider.xml", 'name="rear"', 'name="rear" gear="1"'),
+    "a sample": ("trials/walk.csv", "\n0.2,", "\n0.20001,"),
+    "the data set": ("trials/dataset.toml", "starts_at_gait_time_s = 0.0", "starts_at_gait_time_s = 0.1"),
+    "the seed": ("", "", ""),
+}
+
+
+def question(folder: Path) -> Question:
+    return Question.of(load_problem(folder / "robot"), folder / "trials", DiagnosisRequest(seed=1))
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> Path:
+    """A folder with a problem, its data set, and the folder ``run`` of a diagnosis that was killed."""
+    problem_folder(tmp_path / "robot", STRIDER)
+    small_trials(tmp_path / "trials")
+    (tmp_path / "run").mkdir()
+    question(tmp_path).cache(tmp_path / "run").write("one", {"whitened": np.ones(3)})
+    return tmp_path
+
+
+@pytest.mark.parametrize("changed", CHANGES)
+def test_a_diagnosis_goes_on_with_what_it_began_with_alone(changed: str, begun: Path, capsys: Any) -> None:
+    """An edited problem, model or recording, or another seed, is one line, and its folder stays as it is."""
+    name, old, new = CHANGES[changed]
+    if name:
+        edited(begun / name, old, new)
+    before = [(path, path.stat().st_mtime_ns) for path in sorted((begun / "run").rglob("*"))]
+    words = ("diagnose", begun / "robot", begun / "trials", "--seed", 1 if name else 2)
+    code, err = run(capsys, *words, "--resume", begun / "run", "--quiet")
+    assert (code, "nothing was simulated there with this problem, data set and seed" in err) == (1, True), err
+    assert [(path, path.stat().st_mtime_ns) for path in sorted((begun / "run").rglob("*"))] == before
+
+
+def test_a_comment_in_a_problem_changes_no_diagnosis(begun: Path) -> None:
+    edited(begun / "robot" / "problem.toml", "[simulation", "# a comment\n[simulation")
+    edited(begun / "robot" / "strider.xml", "<mujoco", "<!-- a comment --><mujoco")
+    assert question(begun).cache(begun / "run").read("one") is not None
+
+
+def test_a_finished_diagnosis_is_printed_whatever_became_of_its_problem(begun: Path, capsys: Any) -> None:
+    shutil.rmtree(next((begun / "run").glob("simulated-*")))
+    (begun / "run" / "report.html").touch()
+    (begun / "run" / "diagnosis.json").write_text('{"answer": "No gap.", "explanation": []}')
+    (begun / "robot" / "problem.toml").write_text("edited")
+    words = ["diagnose", str(begun / "robot"), str(begun / "trials"), "--resume", str(begun / "run")]
+    assert cli.main(words) == 0
+    assert "No gap." in capsys.readouterr().out
