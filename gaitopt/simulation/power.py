@@ -6,6 +6,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.effects.added import is_added
+
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -40,6 +42,22 @@ def changes_of_power(off: Flags | None) -> list[int]:
     if off is None:
         return []
     return [int(row) + 1 for row in np.flatnonzero((off[1:] != off[:-1]).any(axis=1))]
+
+
+def without_others(model: mujoco.MjModel, off: Flags) -> Flags:
+    """Return which actuators are unpowered, shape (n, nu), without added ones that are no part of a servo.
+
+    Such a one, a cable that pulls at a body, turns no joint.
+    """
+    joint = int(mujoco.mjtTrn.mjTRN_JOINT)
+    others = [
+        i
+        for i in range(model.nu)
+        if is_added(model.actuator(i).name) and int(model.actuator_trntype[i]) != joint
+    ]
+    servos = off.copy()
+    servos[:, others] = False
+    return servos
 
 
 def switch(model: mujoco.MjModel, off: Flags, groups: NDArray[np.int32]) -> None:

@@ -29,7 +29,7 @@ from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.beginning import held_before, started_pose
 from gaitopt.simulation.commands import drive_commands, row_commands
 from gaitopt.simulation.effort import WorkBudget, resting_work
-from gaitopt.simulation.power import Flags, changes_of_power, held_while_unpowered, switch
+from gaitopt.simulation.power import Flags, changes_of_power, held_while_unpowered, switch, without_others
 from gaitopt.simulation.scenario import NOMINAL, Scenario, disturb_start, scenario_model
 from gaitopt.simulation.sites import with_sites
 
@@ -244,8 +244,9 @@ class Simulator:
         if start is not None or np.isnan(ctrl).any():
             before = arriving(time[:1] - self.fidelity.timestep_s)[0, columns]
             ctrl, before, off = held_while_unpowered(ctrl, before)
-        if off is not None and not self.effects.loops:
-            model = copy.copy(model)
+        if off is not None:
+            off = without_others(model, off)
+            model = model if self.effects.loops else copy.copy(model)
         workspace.reset(model)
         if start is not None:
             pose, act = (workspace.batch.bind(name)[0] for name in ("qpos", "act"))

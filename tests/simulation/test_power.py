@@ -109,6 +109,14 @@ def test_a_speed_limit_begins_where_the_servo_was_before_it_lost_its_power(arm: 
     assert sent[299] == pytest.approx(0.2)
 
 
+def test_a_tether_pulls_at_an_unpowered_robot_too(arm: Problem) -> None:
+    log = LoggedCommands.of(["turn"], [0.0], [[OFF]]).recorded(1.0, 0.02, {"elbow": -math.pi / 2})
+    pulled = arm.with_effects({"tether_drag": {"force_n": 0.1}})
+    free, backward = (Simulator.build(problem).run(log)["joint.elbow"] for problem in (arm, pulled))
+    assert np.ptp(free) < 1e-3  # it hangs
+    assert backward.min() < -math.pi / 2 - 0.1
+
+
 def test_metrics_leave_out_what_has_no_target(arm: Problem) -> None:
     simulator = Simulator.build(arm)
     drive = cut(0.5, 1.0)
