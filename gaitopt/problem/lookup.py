@@ -19,6 +19,11 @@ def bundled_problems() -> Path:
     return installed if installed.is_dir() else here.parent / "problems"
 
 
+def bundled_names() -> list[str]:
+    """Return the names of the problems that come with gaitopt."""
+    return sorted(file.parent.name for file in bundled_problems().glob(f"*/{PROBLEM_FILE}"))
+
+
 def problem_file(reference: str) -> Path:
     """Return the problem file of a folder, a file or a bundled name.
 
@@ -38,10 +43,9 @@ def problem_file(reference: str) -> Path:
         return bundled / reference / PROBLEM_FILE
     if path.is_dir():
         raise GaitoptError(f"{path}: no {PROBLEM_FILE} in this folder")
-    names = sorted(folder.parent.name for folder in bundled.glob(f"*/{PROBLEM_FILE}"))
     raise GaitoptError(
         f"{reference}: no such problem; allowed: a folder with {PROBLEM_FILE}, a problem TOML, "
-        f"or one of {', '.join(names)}"
+        f"or one of {', '.join(bundled_names())}"
     )
 
 

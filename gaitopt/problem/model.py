@@ -12,6 +12,7 @@ import numpy as np
 
 from gaitopt.core.errors import GaitoptError, bad_value, found
 from gaitopt.effects.parts import Parts
+from gaitopt.problem.held import hold
 from gaitopt.problem.matching import check_matches
 from gaitopt.problem.mjcf import compile_mjcf, named_files, parse_mjcf, path_from, read_mjcf
 from gaitopt.problem.problem import Problem
@@ -148,6 +149,8 @@ def _parameterised(problem: Problem) -> ET.Element:
     for name, parameter in problem.file.parameters.items():
         for path, template in parameter.sets.items():
             _set_attribute(root, path, template, parameter, f"{problem.source}: parameters.{name}.sets")
+    if problem.file.start.held:
+        hold(root, compile_for(problem, root), START, problem.model_path)
     return root
 
 

@@ -17,6 +17,7 @@ from gaitopt.effects.active import ActiveEffect, Values, active_effects
 from gaitopt.gait.gait import Gait, read_gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.gait.table import is_table, read_table
+from gaitopt.problem.likeness import like_another
 from gaitopt.problem.lookup import model_file, problem_file
 from gaitopt.problem.objective import Objective
 from gaitopt.problem.records import Horizon, ProblemFile, Simulation
@@ -68,7 +69,7 @@ class Problem:
             channels = baseline.channels or file.baselines[str(baseline.like)].channels or {}
             gaits[name] = Gait(baseline.period_s, channels, name)
         problem = Problem(file, source, model_path, {}, carried)
-        active_effects(file.effects, file.roles, problem.channel_names, source)
+        active_effects(file.effects, problem.roles, problem.channel_names, source)
         checked = {n: problem.check_gait(g, f"{source}: baselines.{n}") for n, g in gaits.items()}
         return replace(problem, baselines=checked)
 
@@ -79,8 +80,11 @@ class Problem:
 
     @property
     def roles(self) -> Roles:
-        """What effects, metrics and reports act on."""
-        return self.file.roles
+        """What effects, metrics and reports act on. A robot that is held goes nowhere and touches nothing."""
+        roles = self.file.roles
+        if not self.file.start.held:
+            return roles
+        return roles.model_copy(update={"marker": None, "pads": [], "body": []})
 
     def require(self, user: str, *parts: Part) -> None:
         """Check that the file has some of its optional parts.
@@ -104,7 +108,9 @@ class Problem:
     def _given(self, part: Part, value: _T | None, user: str) -> _T:
         """Return the value of an optional part, which must be given."""
         if value is None:
-            raise GaitoptError(f"{self.source}: {part}: missing; {user} needs it")
+            held = self.file.start.held and part.startswith("roles.")
+            why = "none, as the robot is held" if held else "missing"
+            raise GaitoptError(f"{self.source}: {part}: {why}; {user} needs it")
         return value
 
     @cached_property
@@ -268,6 +274,7 @@ def load_problem(reference: str | Path, parameters: Mapping[str, float] | None =
         GaitoptError: there is no problem, or its file is wrong.
     """
     path = problem_file(str(reference))
-    file = validated(ProblemFile, read_toml(path), path)
-    problem = Problem.from_file(file, path, model_file(path, file.model))
+    content, origin = like_another(read_toml(path), path)
+    file = validated(ProblemFile, content, path)
+    problem = Problem.from_file(file, path, model_file(origin, file.model))
     return problem.with_parameters(parameters or {})

@@ -57,10 +57,12 @@ class Start(FileRecord):
     Attributes:
         ctrl_deg: held target of each channel; 0 where a channel is not named.
         settle: let the robot come to rest; otherwise the MJCF's keyframe ``start`` is used unchanged.
+        held: the robot is held: it has no free joint and no contacts, neither with the world nor with itself.
     """
 
     ctrl_deg: dict[str, Finite] = Field(default_factory=dict)
     settle: bool = True
+    held: bool = False
 
 
 class ChannelBounds(FileRecord):

@@ -50,6 +50,7 @@ class Metric:
         drift: whether it has a sign that scenarios cancel, so that means take its size.
         per_cycle: whether it is of one cycle, and left out where nothing repeats.
         of_marker: whether it is of the marker's travel, and left out without ``roles.marker``.
+        of_ground: whether it is of how the robot stands on the ground, and left out where it is held.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Metric:
     drift: bool = False
     per_cycle: bool = False
     of_marker: bool = False
+    of_ground: bool = False
 
 
 def measure(problem: Problem, drive: Drive, trajectory: Trajectory, robot: Robot) -> Metrics:
@@ -86,14 +88,17 @@ def metric_names(problem: Problem, cyclic: bool = True) -> list[str]:
     """Return the names of a problem's metrics, in the order in which `measure` gives them.
 
     Args:
-        problem: the problem; without ``roles.marker``, metrics of its travel are left out.
+        problem: the problem; without ``roles.marker``, metrics of its travel are left out; where the robot is
+            held, metrics of how it stands are, too.
         cyclic: whether there are cycles; without, metrics of a cycle are left out.
     """
-    marked = problem.roles.marker is not None
+    marked, held = problem.roles.marker is not None, problem.file.start.held
     names = [
         name
         for name, metric in METRICS.items()
-        if (marked or not metric.of_marker) and (cyclic or not metric.per_cycle)
+        if (marked or not metric.of_marker)
+        and (cyclic or not metric.per_cycle)
+        and not (held and metric.of_ground)
     ]
     return names + [f"{REACHED.name}.{channel}" for channel in problem.channel_names]
 
@@ -204,14 +209,22 @@ _IN_ORDER = (
         title="sideways over forward",
         of_marker=True,
     ),
-    Metric("yaw_rate_rad_s", "net turning rate, left positive", _yaw_rate, title="turning rate", drift=True),
-    Metric("tilt_rad", "largest tilt of the first body", _tilt, title="largest tilt"),
+    Metric(
+        "yaw_rate_rad_s",
+        "net turning rate, left positive",
+        _yaw_rate,
+        title="turning rate",
+        drift=True,
+        of_ground=True,
+    ),
+    Metric("tilt_rad", "largest tilt of the first body", _tilt, title="largest tilt", of_ground=True),
     Metric(
         "slip_m",
         "backward slip of loaded pads per cycle, summed over pads",
         _slip,
         title="slip back per cycle",
         per_cycle=True,
+        of_ground=True,
     ),
     Metric(
         "airtime",
@@ -219,12 +232,14 @@ _IN_ORDER = (
         _airtime,
         title="time in the air",
         share=True,
+        of_ground=True,
     ),
     Metric(
         "penetration_m",
         "deepest penetration of the ground",
         lambda window: float(max(0.0, -window["depth"].min(initial=0.0))),
         title="deepest penetration",
+        of_ground=True,
     ),
     Metric(
         "peak_torque_n_m",

@@ -27,7 +27,7 @@ def test_a_folder_here_comes_before_a_bundled_name() -> None:
 
 def test_every_bundled_problem_loads() -> None:
     names = [path.parent.name for path in bundled_problems().glob("*/problem.toml")]
-    assert {"arcfold", "arcfold-published", "servo-bench"} <= set(names)
+    assert {"arcfold", "arcfold-held", "arcfold-published", "servo-bench"} <= set(names)
     for name in names:
         assert load_problem(name).name == name
 
@@ -35,7 +35,7 @@ def test_every_bundled_problem_loads() -> None:
 def test_an_unknown_problem_says_which_exist() -> None:
     assert complaint("arcfoldd") == (
         "arcfoldd: no such problem; allowed: a folder with problem.toml, a problem TOML, "
-        "or one of arcfold, arcfold-published, servo-bench"
+        "or one of arcfold, arcfold-held, arcfold-published, servo-bench"
     )
 
 

@@ -43,6 +43,10 @@ GROUND_SLOPE = Effect(
 )
 
 
+def _first_module_is_held(parts: Parts) -> str | None:
+    return "the first module is held" if parts.model.body_weldid[FIRST_BODY] == 0 else None
+
+
 def _add_mass(parts: Parts, mass: float, _: float) -> None:
     """Add a point mass at the first body's centre of mass, where it adds no rotational inertia."""
     parts.model.body_mass[FIRST_BODY] += mass
@@ -61,6 +65,7 @@ PAYLOAD_MASS = Effect(
     reference=lambda parts: parts.mass,
     reference_name="the robot's mass",
     allowed=(0.0, math.inf),
+    missing=_first_module_is_held,
     model=_add_mass,
 )
 
@@ -85,6 +90,7 @@ COM_OFFSET = Effect(
     ),
     reference=_module_length,
     reference_name="the first module's radius",
+    missing=_first_module_is_held,
     model=_shift_centre,
 )
 
@@ -178,6 +184,7 @@ TETHER_DRAG = Effect(
     ),
     reference=lambda parts: parts.weight,
     reference_name="the robot's weight",
+    missing=_first_module_is_held,
     structure=_add_tether,
     model=_pull,
 )

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import math
 
+import mujoco
+
 from gaitopt.effects.effect import Effect
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
+
+
+def _nothing_touches(parts: Parts) -> str | None:
+    off = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    return "the robot is held, and touches nothing" if parts.model.opt.disableflags & off else None
 
 
 def _soften(parts: Parts, scale: float, _: float) -> None:
@@ -30,5 +37,6 @@ CONTACT_COMPLIANCE = Effect(
         "log-normal", 1.0, 0.5, "chosen for the simulator, not measured; tape, glue and card are compliant"
     ),
     allowed=(0.0, math.inf),
+    missing=_nothing_touches,
     model=_soften,
 )

@@ -61,12 +61,13 @@ def _self_collision(gait: Gait, trajectory: Trajectory) -> Iterator[Finding]:
 def _airtime(
     problem: Problem, gait: Gait, trajectory: Trajectory, metrics: Metrics, settings: CheckSettings
 ) -> Iterator[Finding]:
-    if metrics["airtime"] > settings.airtime:
-        message = f"in the air {metrics['airtime']:.0%} of the time"
+    share = metrics.get("airtime", 0.0)  # a robot that is held has none
+    if share > settings.airtime:
+        message = f"in the air {share:.0%} of the time"
         if problem.roles.marker:
             rise = float(trajectory["marker.z"].max() - trajectory["marker.z"].min())
             message += f"; the marker rises by {rise:.3g} m"
-        yield Finding(AIRTIME.name, gait.name, metrics["airtime"], settings.airtime, message)
+        yield Finding(AIRTIME.name, gait.name, share, settings.airtime, message)
 
 
 def _drift(gait: Gait, metrics: Metrics, settings: CheckSettings) -> Iterator[Finding]:
