@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,7 +26,7 @@ def toy_trials(
     folds = tuple(np.array_split(np.arange(blocks), max(2, trials)))
     of_trials = np.repeat(np.arange(trials), blocks // trials)
     simulator: Any = SimpleNamespace(problem=SimpleNamespace(channel_names=tuple(channels)))
-    return TrialSet(simulator, tuple(whitened), (), of_rows, of_trials, none, none, folds)
+    return TrialSet(simulator, tuple(whitened), (), of_rows, of_trials, none, none, none, folds)
 
 
 def toy_comparison(at: ArrayLike, whitened: np.ndarray) -> Comparison:
@@ -53,5 +53,6 @@ def toy_fit(
         changes_robot=True,
         log_prior=lambda value, nominal: 0.0,
     )
-    hypothesis = Hypothesis(effect, target, 0.0, high, 0.0, cast(Any, None))
+    nominal: Any = SimpleNamespace(channels=trial_set.problem.channel_names)
+    hypothesis = Hypothesis(effect, target, 0.0, high, 0.0, nominal)
     return Fit(hypothesis, trial_set, [toy_comparison([a], measured - predicted(a)) for a in at])

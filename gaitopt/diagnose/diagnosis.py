@@ -22,6 +22,7 @@ from gaitopt.diagnose.gap.predict import predict
 from gaitopt.diagnose.gap.settings import GapSettings
 from gaitopt.diagnose.gap.where import GapShare, gap_shares
 from gaitopt.diagnose.judge.causes import Causes
+from gaitopt.diagnose.judge.command_experiment import Alternative, CommandExperiment, propose_commands
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.experiment import Experiment, propose
 from gaitopt.diagnose.judge.find_causes import NominalGap, find_causes
@@ -83,7 +84,7 @@ class Diagnosis:
     fidelity: Fidelity
     trials: tuple[TrialGap, ...]
     found: Causes | None = None
-    experiment: Experiment | None = None
+    experiment: Experiment | CommandExperiment | None = None
 
     @property
     def defective(self) -> list[str]:
@@ -142,7 +143,8 @@ class Diagnosis:
     @property
     def gap_angles(self) -> Gap | None:
         """RMS error of all angles over all trials, rad; None where no angle was measured."""
-        return self.located_gap_angles
+        fitted = self.found.gap_angles if self.found else None
+        return fitted or self.located_gap_angles
 
     @property
     def located_gap_angles(self) -> Gap | None:
@@ -181,6 +183,8 @@ class Diagnosis:
             "p_value": self.found.p_value if self.found else None,
             "unevenness": self.found.unevenness if self.found else None,
             "effects": [row.to_dict() for row in self.found.effects] if self.found else [],
+            "explanations": self.found.explanations if self.found else [],
+            "misfit_trials": self.found.misfit_trials if self.found else {},
             "where": [share.to_dict() for share in self.where],
             "gap": self.gap.to_dict(),
             "gap_angles": _in_rad(self.gap_angles),
@@ -219,16 +223,38 @@ def diagnose(
     on_progress(Progress("measuring the floor", unit="robots"))
     located = locate(simulator, dataset, executor, request.seed, settings.gap)
     parts = [trial.aligned for trial in located.trials], [trial.floors for trial in located.trials]
-    gap = NominalGap(simulator, *parts, located.located_gap.floor)
+    angles = located.located_gap_angles
+    gap = NominalGap(simulator, *parts, located.located_gap.floor, angles.floor if angles else None)
     context = Context(Runner(executor, on_progress, cache), request.seed, settings)
     found = find_causes(gap, tried, context)
     if found.verdict == "no_gap" or not request.next_gait:
         return replace(located, found=found)
-    on_progress(Progress("looking for the next gait", found.n_robots, unit="robots"))
+    experiment = _next_experiment(simulator, located, found, context, on_progress)
+    return replace(located, found=found, experiment=experiment)
+
+
+def _next_experiment(
+    simulator: Simulator, located: Diagnosis, found: Causes, context: Context, on_progress: OnProgress
+) -> Experiment | CommandExperiment | None:
+    """Return what to measure next: a gait, or commands where commands were logged."""
     drives = {trial.aligned.trial.drive.name: trial.aligned.trial.drive for trial in located.trials}
     signals = list(dict.fromkeys(name for trial in located.trials for name in trial.floors))
-    experiment = propose(simulator, found, list(drives.values()), signals, context)
-    return replace(located, found=found, experiment=experiment)
+    if found.judgement.sets is None:
+        on_progress(Progress("looking for the next gait", found.n_robots, unit="robots"))
+        return propose(simulator, found, list(drives.values()), signals, context)
+    on_progress(Progress("looking for the next commands", found.n_robots, unit="robots"))
+    noises = {
+        name: max(trial.floors[name].noise for trial in located.trials if name in trial.floors)
+        for name in signals
+    }
+    alternatives = [
+        Alternative(candidate.label, chance, candidate.effect_values)
+        for candidate, chance in zip(found.candidates, found.probabilities.tolist(), strict=True)
+        if chance > 0.0
+    ]
+    return propose_commands(
+        simulator, alternatives, list(drives.values()), noises, context.executor, context.seed
+    )
 
 
 def _hypotheses(simulator: Simulator, dataset: DataSet, effects: Collection[str] | None) -> list[Hypothesis]:

@@ -101,8 +101,7 @@ def _who(diagnosis: Diagnosis) -> tuple[str, str]:
         return "", ""
     best = found.best
     texts = []
-    for fit, at in zip(best.fits, best.at, strict=True):
-        h = fit.hypothesis
+    for h, at in zip(best.hypotheses, best.at, strict=True):
         value = f"{h.value(at):.4g} {h.effect.unit}".strip()
         texts.append(f"{h.name} ({h.effect.parameter} = {value})")
     return " and ".join(texts), " or ".join(found.ambiguous_with)
@@ -140,7 +139,7 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
             f"The recorded cycles differ from one another {found.unevenness:.0f} times as much as simulated "
             "ones: something acts in some cycles and not in others."
         )
-    if diagnosis.experiment is not None:
+    if isinstance(diagnosis.experiment, Experiment):
         period = diagnosis.experiment.gait.period_s
         sentences.append(f"Measure next: a gait of {period:.2f} s. {what_it_tells(diagnosis.experiment)}")
     return sentences

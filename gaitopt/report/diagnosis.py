@@ -8,6 +8,7 @@ from pathlib import Path
 from gaitopt.core.quantities import figure
 from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis
+from gaitopt.diagnose.judge.experiment import Experiment
 from gaitopt.diagnose.trial_gap import TrialGap
 from gaitopt.diagnose.words import answer, explanation, what_it_tells
 from gaitopt.problem.problem import Problem
@@ -122,13 +123,14 @@ def _cause_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
             "a right model leaves 1. Error bars: 90 % interval of the difference from the first effect. If "
             "the bar of another effect is as short, these trials cannot separate the two.",
         ),
-        "profile": Picture(
+    }
+    if found.best.fits:
+        pictures["profile"] = Picture(
             "Profile of the winner's parameter",
             partial(diagnosis_plots.profile, found),
             "The error for each value of the winner's parameter, with all else fitted. In a sharp valley the "
             "data determine the parameter well; in a flat one they hardly do. Shaded: its 90 % interval.",
-        ),
-    }
+        )
     if len(found.trial_set.sample_trials):
         pictures["corrected"] = Picture(
             "The gap before and after",
@@ -208,7 +210,7 @@ def _worst(trial: TrialGap) -> float:
 
 def _next_sections(folder: Path, diagnosis: Diagnosis) -> list[Section]:
     experiment = diagnosis.experiment
-    if experiment is None:
+    if not isinstance(experiment, Experiment):
         return []
     picture = Picture(
         "What to measure next",

@@ -7,6 +7,7 @@ from pathlib import Path
 from gaitopt.core.json import to_json
 from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis
+from gaitopt.diagnose.judge.experiment import Experiment
 from gaitopt.diagnose.words import answer, explanation
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem
@@ -41,7 +42,7 @@ def write_diagnosis(
     if correction and diagnosis.found and diagnosis.found.causes:
         text = correction.problem.to_toml(MODEL_FILE)
         write_into(folder, CORRECTED_FILE, text)
-    if diagnosis.experiment is not None:
+    if isinstance(diagnosis.experiment, Experiment):
         gait = diagnosis.experiment.gait
         write_into(folder, NEXT_FILE, gait.to_toml())
     write_into(folder, DIAGNOSIS_FILE, to_json(content))

@@ -11,6 +11,9 @@ from gaitopt.effects import EFFECTS, Effect
 from gaitopt.effects.active import Values
 from gaitopt.effects.parts import ALL, Parts
 
+_OUTSIDE = 0.5
+"""How far a fit of several effects may leave the range that is searched first, in ranges."""
+
 _AT_BOUND = 1e-3
 """A coordinate closer to the end of its range than this share of it lies at the end."""
 
@@ -49,6 +52,23 @@ class Hypothesis:
     def coordinate(self, value: float) -> float:
         """Return the coordinate of a parameter's value."""
         return math.log(value) if self.effect.scale == "log" else value
+
+    def share(self, coordinate: float) -> float:
+        """Return a coordinate in ranges: 0 at the lower bound, 1 at the upper one."""
+        return (coordinate - self.low) / (self.high - self.low)
+
+    def coordinate_at(self, share: float) -> float:
+        """Return the coordinate at a share of the range."""
+        return self.low + share * (self.high - self.low)
+
+    @property
+    def share_limits(self) -> tuple[float, float]:
+        """How far a fit may go, in ranges: beyond the searched range where the mechanism allows it."""
+        ends = []
+        for share, outside in ((0.0, -_OUTSIDE), (1.0, _OUTSIDE)):
+            value = self.value(self.coordinate_at(share + outside))
+            ends.append(share + outside if self.effect.allows(value) else share)
+        return ends[0], ends[1]
 
     def values(self, coordinate: float) -> Values:
         """Return the effect at a coordinate, as a problem file states it."""
@@ -105,8 +125,8 @@ def hypotheses(
 
 
 def _targets(effect: Effect, channels: Sequence[str]) -> list[str]:
-    if effect.target == "none":
-        return [ALL]
+    if effect.target == "none" or len(channels) == 1:
+        return [ALL] if effect.target != "one" else []  # what one of one servos does, all of them do
     return [*([ALL] if effect.target == "any" else []), *channels]
 
 

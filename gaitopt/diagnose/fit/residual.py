@@ -97,6 +97,15 @@ class WhitenedTrial:
         """Number of rows."""
         return len(self.bins.counts)
 
+    @property
+    def motion(self) -> float:
+        """Mean square of the whitened motion: what was measured, about the mean of each signal."""
+        moved = self.bins.measured.copy()
+        for index in np.unique(self.bins.signal):
+            own = self.bins.signal == index
+            moved[own] -= moved[own].mean()
+        return float(np.mean(self._whiten(moved) ** 2))
+
     def whitening_update(self, changes: Array) -> Array:
         """Return the whitening update for a new covariance.
 

@@ -189,7 +189,90 @@ class ResponseSettings:
     apart: float = 0.002
 
 
+@dataclass(frozen=True)
+class SetSettings:
+    """How sets of effects are fitted and searched.
+
+    Attributes:
+        freedom: degrees of freedom of the scale of each trial's covariance; see `RobustLoss`.
+        temper: number of rows that count as one.
+        prior_weight: weight of the prior of a fitted parameter.
+        prior_freedom: degrees of freedom of the Student's t tails of the priors.
+        price: loss that an effect must save at least, or it is left out.
+        worth: gain of the score from which the search goes on.
+        screened: shares of the way from neutral to each bound at which an effect is tried first.
+        beyond: how far an effect is expected to go, in multiples of where it was tried.
+        started: effects that are added and fitted roughly.
+        rough_rounds: rounds of that.
+        refined: sets of these that are fitted well.
+        fine_rounds: rounds of that.
+        doubtful: an effect may be dropped, or exchanged, if the set without it is expected to score at most
+            this much worse.
+        dropped: sets with one effect less that are fitted, at most.
+        swapped: sets with one effect exchanged that are fitted, at most.
+        exchanges: number of exchanges after an addition, at most.
+        leading: sets that score at most this much worse than the best are finished,
+        finished: at most this many of them,
+        finish_rounds: in this many rounds.
+        most_effects: effects in a set that grows, at most.
+        most_rows: rows of a trial that count as separate, at most; see `RobustLoss`.
+        one_by_one: effects that are added one by one before all are fitted together,
+        right: if the set leaves more than this mean whitened square
+        few: in more than this share of the trials.
+        starts: shares of the way from neutral to the better bound at which all effects begin.
+        coarse_rounds: rounds in which all effects are fitted together by each loss.
+        gaussian: degrees of freedom of the first of these losses: so many that no trial can leave it.
+        inclusion: loss that the prior asks of each effect of a set when sets are judged on held-out trials.
+        motion: error of a model that the first of these losses expects, as a share of the motion.
+        reweighted: times that the weights of the trials are found anew for a step.
+        first_radius: longest step of a coordinate at first, in ranges.
+        widest: longest step of a coordinate, in ranges.
+        shorter: the second step that is tried in a round is this much shorter.
+        least_radius: steps shorter than this are not tried, in ranges.
+        least_gain: a set is settled where less than this is expected to be gained.
+        difference: distance over which a slope is measured, in ranges.
+    """
+
+    freedom: float = 4.0
+    temper: float = 3.0
+    prior_weight: float = 0.3
+    prior_freedom: float = 3.0
+    price: float = 6.0
+    worth: float = 1.0
+    screened: tuple[float, ...] = (0.1, 0.35, 0.8)
+    beyond: float = 1.6
+    started: int = 6
+    rough_rounds: int = 3
+    refined: int = 2
+    fine_rounds: int = 3
+    doubtful: float = 8.0
+    dropped: int = 3
+    swapped: int = 6
+    exchanges: int = 2
+    leading: float = 12.0
+    finished: int = 3
+    finish_rounds: int = 3
+    most_effects: int = 14
+    most_rows: float = 10.0
+    one_by_one: int = 4
+    right: float = 2.0
+    few: float = 0.2
+    starts: tuple[float, ...] = (0.05, 0.15)
+    coarse_rounds: int = 6
+    gaussian: float = 1000.0
+    inclusion: float = 4.0
+    motion: float = 0.1
+    reweighted: int = 3
+    first_radius: float = 0.35
+    widest: float = 0.7
+    shorter: float = 0.3
+    least_radius: float = 0.002
+    least_gain: float = 0.1
+    difference: float = 0.02
+
+
 WHITENING = WhiteningSettings()
 FIT = FitSettings()
 PAIRS = PairSettings()
+SETS = SetSettings()
 RESPONSE = ResponseSettings()

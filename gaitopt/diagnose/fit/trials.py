@@ -56,6 +56,7 @@ class TrialSet:
         block_trials: trial of each block, shape (blocks,).
         sample_trials: trial of each sample of the marker, shape (samples,).
         sample_blocks: block of each sample of the marker, shape (samples,).
+        angle_blocks: block of each sample of the angles, shape (samples,).
         folds: blocks of each fold that is held out in turn.
         updates: whitening update of each trial for a later covariance; empty for the first one.
     """
@@ -67,6 +68,7 @@ class TrialSet:
     block_trials: Indices
     sample_trials: Indices
     sample_blocks: Indices
+    angle_blocks: Indices
     folds: tuple[Indices, ...]
     updates: tuple[Array, ...] = ()
 
@@ -80,15 +82,19 @@ class TrialSet:
         block_trials: list[int] = []
         sample_trials: list[int] = []
         sample_blocks: list[int] = []
+        angle_blocks: list[int] = []
         first = 0
         for index, one in enumerate(trials):
             present, numbers = np.unique(one.bins.blocks, return_inverse=True)
             row_blocks.append(first + numbers)
             block_trials += [index] * len(present)
             for name, rows in one.bins.rows.items():
+                blocks = (first + numbers[rows]).tolist()
                 if is_position(name):
                     sample_trials += [index] * len(rows)
-                    sample_blocks += (first + numbers[rows]).tolist()
+                    sample_blocks += blocks
+                else:
+                    angle_blocks += blocks
             first += len(present)
         of_blocks = np.array(block_trials)
         return TrialSet(
@@ -99,6 +105,7 @@ class TrialSet:
             of_blocks,
             np.array(sample_trials, dtype=np.intp),
             np.array(sample_blocks, dtype=np.intp),
+            np.array(angle_blocks, dtype=np.intp),
             _folds(trials, of_blocks),
         )
 
@@ -122,6 +129,17 @@ class TrialSet:
         """Number of rows of each block, shape (blocks,)."""
         counts: Array = np.bincount(self.row_blocks, minlength=self.n_blocks).astype(float)
         return counts
+
+    @cached_property
+    def row_trials(self) -> Indices:
+        """Trial of each row, from 0, shape (rows,)."""
+        trials: Indices = self.block_trials[self.row_blocks]
+        return trials
+
+    @cached_property
+    def motions(self) -> Array:
+        """Mean square of the whitened motion of each trial about its mean, shape (trials,)."""
+        return np.array([one.motion for one in self.trials])
 
     @property
     def fold_weights(self) -> list[tuple[Indices, Array]]:

@@ -1,4 +1,4 @@
-"""Candidate explanations: no effect, one effect, or two, each with its residual on held-out data.
+"""Candidate explanations: no effect, one, two or more, each with its residual on held-out data.
 
 A candidate is judged by how well the other gaits predict each gait (other cycles, if there is one gait only):
 by the loss that it adds to the least loss of the others. So a parameter must agree with the other gaits. A
@@ -14,11 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.pair import PairFit
 from gaitopt.diagnose.fit.response import Response
+from gaitopt.diagnose.fit.set_fit import SetFit
 from gaitopt.diagnose.fit.settings import ResponseSettings
 from gaitopt.diagnose.fit.single import Fit, robot_request
-from gaitopt.diagnose.fit.trials import Comparison, TrialSet
+from gaitopt.diagnose.fit.trials import Comparison, Indices, TrialSet
 from gaitopt.effects.active import Values
 
 Array = NDArray[np.float64]
@@ -29,43 +31,52 @@ class Candidate:
     """A fitted explanation, and what it predicts of held-out data.
 
     Attributes:
-        fits: the effects' fits; none for "no effect".
+        hypotheses: the effects, each on its target; none for "no effect".
         at: their coordinates, fitted to all trials.
         fitted_loss: loss of each block, fitted to all, shape (blocks,).
         heldout_loss: what each block adds to the least loss of the other folds, shape (blocks,).
         whitened: whitened residual, fitted to all trials, shape (rows,).
         marker: residual of each sample of the marker by the fit that did not use its fold, m, shape
             (samples,).
+        angles: the same of each sample of the angles, rad, shape (samples,).
+        fits: the effects' own fits; none of a set of effects.
         log_priors: logarithm of the prior of each parameter, up to a constant.
         pair: the fit of the pair, where there are two effects.
+        together: the fit of the set, where effects were fitted as one.
     """
 
-    fits: tuple[Fit, ...]
+    hypotheses: tuple[Hypothesis, ...]
     at: tuple[float, ...]
     fitted_loss: Array
     heldout_loss: Array
     whitened: Array
     marker: Array
+    angles: Array
+    fits: tuple[Fit, ...] = ()
     log_priors: tuple[float, ...] = ()
     pair: PairFit | None = None
+    together: SetFit | None = None
 
     @staticmethod
     def without_effect(trial_set: TrialSet, nominal: Comparison) -> Candidate:
         """Return the candidate without any effect."""
         losses = trial_set.losses(nominal.whitened)
-        return Candidate((), (), losses, losses, nominal.whitened, nominal.marker)
+        return Candidate((), (), losses, losses, nominal.whitened, nominal.marker, nominal.angles)
 
     @staticmethod
     def of_fit(fit: Fit) -> Candidate:
         """Return the candidate of one effect."""
         at = fit.best()
+        trial_set = fit.trial_set
         return Candidate(
-            (fit,),
+            (fit.hypothesis,),
             (at,),
             fit.loss(),
-            _heldout_loss(fit.trial_set, fit.curve.losses),
+            _heldout_loss(trial_set, fit.curve.losses),
             fit.at_best("whitened"),
-            _heldout_marker(fit.trial_set, lambda weights: fit.at_best("marker", weights)),
+            heldout(trial_set, trial_set.sample_blocks, lambda weights: fit.at_best("marker", weights)),
+            heldout(trial_set, trial_set.angle_blocks, lambda weights: fit.at_best("angles", weights)),
+            (fit,),
             (fit.hypothesis.log_prior(at),),
         )
 
@@ -76,12 +87,14 @@ class Candidate:
         at = tuple(best.at.tolist())
         losses = np.stack([trial_set.losses(one.whitened) for one in pair.comparisons], axis=1)
         return Candidate(
-            pair.fits,
+            tuple(fit.hypothesis for fit in pair.fits),
             at,
             trial_set.losses(best.whitened),
             _heldout_loss(trial_set, losses),
             best.whitened,
-            _heldout_marker(trial_set, lambda weights: pair.best(weights).marker),
+            heldout(trial_set, trial_set.sample_blocks, lambda weights: pair.best(weights).marker),
+            heldout(trial_set, trial_set.angle_blocks, lambda weights: pair.best(weights).angles),
+            pair.fits,
             tuple(fit.hypothesis.log_prior(one) for fit, one in zip(pair.fits, at, strict=True)),
             pair,
         )
@@ -94,23 +107,22 @@ class Candidate:
     @property
     def names(self) -> list[str]:
         """The effects."""
-        return [fit.hypothesis.effect.name for fit in self.fits]
+        return [one.effect.name for one in self.hypotheses]
 
     @property
     def label(self) -> str:
         """The effects with their targets."""
-        return " + ".join(fit.hypothesis.name for fit in self.fits) or "none"
+        return " + ".join(one.name for one in self.hypotheses) or "none"
 
     @property
     def effect_values(self) -> Mapping[str, Values]:
         """The effects, as a problem file states them."""
-        hypotheses = [fit.hypothesis for fit in self.fits]
-        return robot_request(zip(hypotheses, self.at, strict=True)).effects
+        return robot_request(zip(self.hypotheses, self.at, strict=True)).effects
 
     @property
     def log_target_share(self) -> float:
         """Logarithm of the targets' share of their effects' prior probability."""
-        return sum(_log_target_share(fit) for fit in self.fits)
+        return sum(_log_target_share(one) for one in self.hypotheses)
 
     def left(self, trial_set: TrialSet) -> float:
         """Return the mean whitened square that is left of held-out data, in the worst trial.
@@ -135,23 +147,24 @@ class Candidate:
         return abs(float(a @ b)) / size if size > 0.0 else 0.0
 
 
-def _log_target_share(fit: Fit) -> float:
-    kind, channels = fit.hypothesis.effect.target, len(fit.trial_set.problem.channel_names)
+def _log_target_share(hypothesis: Hypothesis) -> float:
+    kind, channels = hypothesis.effect.target, len(hypothesis.nominal.channels)
     return {"none": 0.0, "any": -math.log(channels + 1.0), "one": -math.log(channels)}[kind]
 
 
-def _heldout_marker(trial_set: TrialSet, fitted: Callable[[Array | None], Array]) -> Array:
-    """Return the marker's residual of each sample by the fit that did not use its fold, m.
+def heldout(trial_set: TrialSet, blocks: Indices, fitted: Callable[[Array | None], Array]) -> Array:
+    """Return the residual of each sample by the fit that did not use its fold, m or rad, shape (samples,).
 
     Args:
         trial_set: the trials.
-        fitted: returns the residuals, m, of the fit with given weights of the blocks; None for equal weights.
+        blocks: block of each sample, shape (samples,).
+        fitted: returns the residuals of the fit with given weights of the blocks; None for equal weights.
     """
-    marker = fitted(None).copy()
-    for fold, weights in trial_set.fold_weights:
-        hidden = np.isin(trial_set.sample_blocks, fold)
-        marker[hidden] = fitted(weights)[hidden]
-    return marker
+    left = fitted(None).copy()
+    for fold, weights in trial_set.fold_weights if len(left) else ():
+        hidden = np.isin(blocks, fold)
+        left[hidden] = fitted(weights)[hidden]
+    return left
 
 
 def _heldout_loss(trial_set: TrialSet, losses: Array) -> Array:

@@ -15,7 +15,11 @@ from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.gap import Gap, GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.precision import Interval, Precision
+from gaitopt.diagnose.judge.set_verdict import misfit_trials
 from gaitopt.diagnose.judge.verdict import Verdict
+
+LEAST_PROBABLE = 0.01
+"""Explanations less probable than this are not listed."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,7 @@ class Causes:
             (robots, rows).
         unevenness: by how much the recorded cycles differ, in differences of such robots' cycles.
         seed: seed of all randomness.
+        gap_angles: the same of the angles, rad; None where none was measured or nothing was fitted.
     """
 
     judgement: Judgement
@@ -97,6 +102,7 @@ class Causes:
     changes: NDArray[np.float64]
     unevenness: float
     seed: int
+    gap_angles: Gap | None = None
 
     @property
     def verdict(self) -> str:
@@ -156,10 +162,13 @@ class Causes:
     @property
     def n_robots(self) -> int:
         """Number of robots with one effect that were simulated."""
-        return sum(len(fit.comparisons) for fit in self.judgement.fits)
+        of_sets = len(self.judgement.sets.candidates) if self.judgement.sets else 0
+        return of_sets + sum(len(fit.comparisons) for fit in self.judgement.fits)
 
     def intervals(self, candidate: Candidate) -> list[Interval]:
         """Return a 90 % interval of each parameter of a candidate, in its unit."""
+        if self.judgement.sets is not None:
+            return self.judgement.sets.intervals(candidate, self.changes)
         return Precision(self.changes, self.judgement.settings).intervals(candidate)
 
     @cached_property
@@ -169,8 +178,8 @@ class Causes:
         totals: dict[str, float] = {}
         targets: dict[str, dict[str, float]] = {}
         for candidate, chance in zip(self.candidates, self.probabilities.tolist(), strict=True):
-            for index, fit in enumerate(candidate.fits):
-                name, target = fit.hypothesis.effect.name, fit.hypothesis.target
+            for index, hypothesis in enumerate(candidate.hypotheses):
+                name, target = hypothesis.effect.name, hypothesis.target
                 firsts.setdefault(name, (candidate, index))
                 totals[name] = totals.get(name, 0.0) + (1.0 - self.other_probability) * chance
                 own = targets.setdefault(name, {})
@@ -195,10 +204,10 @@ class Causes:
     def _effect(
         self, candidate: Candidate, index: int, probability: float, targets: Mapping[str, float]
     ) -> EffectProbability:
-        hypothesis, at = candidate.fits[index].hypothesis, candidate.at[index]
+        hypothesis, at = candidate.hypotheses[index], candidate.at[index]
         effect = hypothesis.effect
         estimate = ParameterEstimate(effect.parameter, hypothesis.value(at), self.intervals(candidate)[index])
-        shrinkage = self._meter.measure(candidate, self.gap.floor).shrinkage if self.gap else None
+        shrinkage = self._shrinkage(candidate)
         return EffectProbability(
             effect.name,
             hypothesis.target,
@@ -210,3 +219,39 @@ class Causes:
             candidate.cosine(self.candidates[0], self.nominal),
             targets,
         )
+
+    def _shrinkage(self, candidate: Candidate) -> float | None:
+        """Return the share of the gap above the floor that a candidate takes away on held-out data."""
+        if len(self.trial_set.sample_blocks) == 0 and self.gap_angles is not None:
+            return self._meter.measure_angles(candidate, self.gap_angles.floor).shrinkage
+        return self._meter.measure(candidate, self.gap.floor).shrinkage if self.gap else None
+
+    @cached_property
+    def misfit_trials(self) -> dict[str, float]:
+        """Trials that the first set does not fit: how many times the median trial each leaves."""
+        sets = self.judgement.sets
+        return misfit_trials(self.judgement, sets) if sets is not None and sets.candidates else {}
+
+    @property
+    def explanations(self) -> list[dict[str, Any]]:
+        """Sets of effects with their probabilities, the most probable first: rows of ``diagnosis.json``."""
+        rows: list[dict[str, Any]] = []
+        for candidate, chance in zip(self.candidates, self.probabilities.tolist(), strict=True):
+            if chance >= LEAST_PROBABLE or not rows:
+                rows.append(self._explanation(candidate, (1.0 - self.other_probability) * chance))
+        return rows
+
+    def _explanation(self, candidate: Candidate, probability: float) -> dict[str, Any]:
+        parts = zip(candidate.hypotheses, candidate.at, self.intervals(candidate), strict=True)
+        return {
+            "effects": [
+                {
+                    "name": h.effect.name,
+                    "target": h.target,
+                    "parameters": {h.effect.parameter: {"value": h.value(at), "ci90": list(ends)}},
+                }
+                for h, at, ends in parts
+            ],
+            "probability": probability,
+            "heldout_left": candidate.left(self.trial_set),
+        }

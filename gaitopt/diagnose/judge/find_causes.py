@@ -21,6 +21,8 @@ from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.gap import GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.perturbed import PerturbedRobots, perturbed_about
+from gaitopt.diagnose.judge.set_verdict import conclude_sets
+from gaitopt.diagnose.judge.sets import JudgedSets, SetJudge
 from gaitopt.diagnose.judge.small_errors import perturbed_robots
 from gaitopt.diagnose.judge.unevenness import unevenness
 from gaitopt.diagnose.judge.verdict import Verdict, conclude, falls_short, is_shown, pair_is_needed
@@ -36,12 +38,19 @@ class NominalGap:
         trials: the trials aligned with its predictions.
         floors: floor of each signal of each trial.
         floor_m: the marker's floor over all trials, m.
+        floor_rad: the same of the angles, rad; None where no angle was measured.
     """
 
     simulator: Simulator
     trials: Sequence[Aligned]
     floors: Sequence[Floors]
     floor_m: float
+    floor_rad: float | None = None
+
+    @property
+    def has_logs(self) -> bool:
+        """Whether the commands of any trial have no period."""
+        return any(aligned.trial.drive.period_s is None for aligned in self.trials)
 
 
 @dataclass(frozen=True)
@@ -90,6 +99,8 @@ def prepare_trials(gap: NominalGap, context: Context) -> PreparedTrials:
 def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Context) -> Causes:
     """Fit and judge every hypothesis, and pairs of them if one effect is not enough.
 
+    Under logged commands, which start anew in each trial, responses are smooth enough for sets of any size.
+
     Args:
         gap: the trials aligned with the nominal robot.
         hypotheses: the effects to try, each on its targets.
@@ -101,6 +112,8 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
     prepared, settings = prepare_trials(gap, context), context.settings
     trial_set, nominal = prepared.trial_set, prepared.nominal
     judgement = Judgement(trial_set, nominal, settings=settings)
+    if gap.has_logs:
+        return _explained_by_sets(judgement, gap, hypotheses, context)
     uneven = unevenness(trial_set, gap.floors, prepared.perturbed, settings.verdict)
     before = judgement.none.left(trial_set)
     if before <= settings.verdict.no_gap and uneven <= settings.verdict.uneven:
@@ -148,6 +161,28 @@ def _explained_by_two(
     return found if is_shown(two, found.robots) and even else None
 
 
+def _explained_by_sets(
+    judgement: Judgement, gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Context
+) -> Causes:
+    """Return the answer from sets of effects of any size."""
+    judge = SetJudge.of(judgement.trial_set, context.runner, context.settings.sets)
+    judged = JudgedSets.of(judge, judge.search(hypotheses, judgement.nominal))
+    judgement = replace(judgement, sets=judged)
+    verdict = conclude_sets(judgement, judged, len(hypotheses))
+    none = np.empty((0, len(judgement.trial_set.row_blocks)))
+    if not judged.candidates:
+        return Causes(judgement, verdict, None, none, 0.0, context.seed)
+    robots = perturbed_about(judgement.trial_set, judgement.first, context)
+    meter = GapMeter(
+        judgement.trial_set, judgement.nominal, context.seed, context.settings.evidence.gap_draws
+    )
+    measured = meter.measure(judgement.first, gap.floor_m)
+    causes = Causes(judgement, verdict, measured, robots.changes, 0.0, context.seed)
+    if gap.floor_rad is None:
+        return causes
+    return replace(causes, gap_angles=meter.measure_angles(judgement.first, gap.floor_rad))
+
+
 def _concluded(found: _Explanation, gap: NominalGap, faint: bool, context: Context) -> Causes:
     """Return the answer that the evidence allows.
 
@@ -162,4 +197,5 @@ def _concluded(found: _Explanation, gap: NominalGap, faint: bool, context: Conte
     draws = context.settings.evidence.gap_draws
     meter = GapMeter(judgement.trial_set, judgement.nominal, context.seed, draws)
     measured = meter.measure(judgement.first, gap.floor_m)
-    return Causes(judgement, verdict, measured, found.robots.changes, found.uneven, context.seed)
+    angles = None if gap.floor_rad is None else meter.measure_angles(judgement.first, gap.floor_rad)
+    return Causes(judgement, verdict, measured, found.robots.changes, found.uneven, context.seed, angles)

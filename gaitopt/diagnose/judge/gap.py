@@ -21,11 +21,11 @@ _QUANTILES = (0.05, 0.95)
 
 @dataclass(frozen=True)
 class Gap:
-    """The marker's gap.
+    """The marker's gap, or that of the angles.
 
     Attributes:
-        before, after: RMS error without and with the effect, m.
-        floor: RMS error of a correct model, m.
+        before, after: RMS error without and with the effects, m or rad.
+        floor: RMS error of a correct model, m or rad.
         ci90: 90 % interval of the shrinkage.
     """
 
@@ -101,20 +101,35 @@ class GapMeter:
     draws: int
 
     def measure(self, candidate: Candidate, floor: float, trial: int | None = None) -> Gap:
-        """Return the gap before and after a candidate.
+        """Return the marker's gap before and after a candidate.
 
         Args:
             candidate: the candidate.
             floor: the marker's floor, m.
             trial: one trial; None for all together.
         """
+        axes = max(1, sum(map(is_position, self.trial_set.trials[0].bins.rows)))
+        residuals = self.nominal.marker, candidate.marker
+        return self._gap(residuals, self.trial_set.sample_blocks, axes, floor, trial)
+
+    def measure_angles(self, candidate: Candidate, floor: float, trial: int | None = None) -> Gap:
+        """Return the same of the angles, rad; one sample is one angle at one time."""
+        residuals = self.nominal.angles, candidate.angles
+        return self._gap(residuals, self.trial_set.angle_blocks, 1, floor, trial)
+
+    def _gap(
+        self,
+        residuals: tuple[Array, Array],
+        blocks: NDArray[np.intp],
+        axes: int,
+        floor: float,
+        trial: int | None,
+    ) -> Gap:
         trial_set, count = self.trial_set, self.trial_set.n_blocks
-        axes = max(1, sum(map(is_position, trial_set.trials[0].bins.rows)))
         before, after = (
-            np.bincount(trial_set.sample_blocks, residual**2, minlength=count).astype(float)
-            for residual in (self.nominal.marker, candidate.marker)
+            np.bincount(blocks, residual**2, minlength=count).astype(float) for residual in residuals
         )
-        samples = np.bincount(trial_set.sample_blocks, minlength=count) / axes
+        samples = np.bincount(blocks, minlength=count) / axes
         groups = trial_set.block_trials
         weights = np.ones(count) if trial is None else (groups == trial).astype(float)
         rng = generator(self.seed, Stream.GAP_BOOTSTRAP)

@@ -23,6 +23,7 @@ from gaitopt.diagnose.judge import evidence
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.perturbed import Perturb, perturbed_about
+from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.settings import DEFAULT, DiagnosisSettings
 
 
@@ -48,6 +49,7 @@ class Judgement:
         nominal: the trials compared with the nominal robot.
         fits: the effects' fits; none where nothing was fitted.
         pairs: fits of two effects; none where these were not tried.
+        sets: sets of effects of any size; None where these were not tried.
         settings: tuning constants.
     """
 
@@ -55,6 +57,7 @@ class Judgement:
     nominal: Comparison
     fits: tuple[Fit, ...] = ()
     pairs: tuple[PairFit, ...] = ()
+    sets: JudgedSets | None = None
     settings: DiagnosisSettings = DEFAULT
 
     @cached_property
@@ -79,7 +82,11 @@ class Judgement:
 
     @cached_property
     def ranking(self) -> Ranking:
-        """The candidates of two effects where there are any, else of one, in order of their probability."""
+        """Sets where there are any, else candidates of two effects, else of one; the most probable first."""
+        if self.sets is not None:
+            if not self.sets.candidates:
+                return Ranking((), np.empty(0))
+            return Ranking(self.sets.candidates, evidence.probabilities(self.sets.scores))
         candidates = self.doubles or self.singles
         if not candidates:
             return Ranking((), np.empty(0))

@@ -53,8 +53,8 @@ class Precision:
 
     def excludes_neutral(self, candidate: Candidate) -> bool:
         """Whether no parameter's interval includes the value at which its effect does nothing."""
-        found = zip(candidate.fits, self.intervals(candidate), strict=True)
-        neutral = [(fit.hypothesis.value(fit.hypothesis.neutral), ends) for fit, ends in found]
+        found = zip(candidate.hypotheses, self.intervals(candidate), strict=True)
+        neutral = [(one.value(one.neutral), ends) for one, ends in found]
         return not any(low <= value <= high for value, (low, high) in neutral)
 
     def _tempered_square(self, candidate: Candidate) -> float:
@@ -78,13 +78,13 @@ class Precision:
         for side in (-1.0, 1.0):
             uneven = math.hypot(self._reach(side * shifted), float(max(0.0, (side * likely).max())))
             sides.append(best + side * max(even, uneven))
-        return _in_unit(h, sides)
+        return in_unit(h, sides)
 
     def _of_pair(self, pair: PairFit, best: tuple[float, ...], changes: Array, unit: float) -> list[Interval]:
         near = Response.of_pair(pair, self.settings.response)
         halves = pair.spans * self._half_widths(near, changes, unit)
         sides = zip(pair.fits, best, halves.tolist(), strict=True)
-        return [_in_unit(fit.hypothesis, (at - half, at + half)) for fit, at, half in sides]
+        return [in_unit(fit.hypothesis, (at - half, at + half)) for fit, at, half in sides]
 
     def _half_widths(self, near: Response, changes: Array, unit: float) -> Array:
         """Return each interval's half-width in ranges, for a response that is linear but for its jumps."""
@@ -105,7 +105,7 @@ class Precision:
         return float(factor * np.sqrt(np.mean(ahead**2)))
 
 
-def _in_unit(h: Hypothesis, sides: Sequence[float]) -> Interval:
+def in_unit(h: Hypothesis, sides: Sequence[float]) -> Interval:
     """Return the parameter at both ends of an interval, which a range may cut off."""
     low, high = sorted(h.value(min(max(at, h.low), h.high)) for at in sides)
     return low, high

@@ -8,10 +8,12 @@ from gaitopt.diagnose.fit.settings import (
     FIT,
     PAIRS,
     RESPONSE,
+    SETS,
     WHITENING,
     FitSettings,
     PairSettings,
     ResponseSettings,
+    SetSettings,
     WhiteningSettings,
 )
 from gaitopt.diagnose.gap import settings as gap_settings
@@ -113,6 +115,9 @@ class VerdictSettings:
         little: an effect that takes away a smaller part of the whitened residual than this explains nothing.
         uneven: recorded cycles are uneven if they differ this many times as much as simulated ones.
         noise_error: relative error of the measurement's noise, as estimated from the record.
+        at_work: an effect of sets is a cause if it is at least this probable,
+        possible: and may be one if it is at least this probable.
+        misfit: a trial does not fit the others if it leaves this many times what the median trial leaves.
     """
 
     no_gap: float = 0.8
@@ -128,6 +133,9 @@ class VerdictSettings:
     little: float = 0.3
     uneven: float = 4.0
     noise_error: float = 0.3
+    at_work: float = 0.5
+    possible: float = 0.1
+    misfit: float = 30.0
 
 
 @dataclass(frozen=True)
@@ -174,6 +182,7 @@ class DiagnosisSettings:
     whitening: WhiteningSettings = WHITENING
     fit: FitSettings = FIT
     pairs: PairSettings = PAIRS
+    sets: SetSettings = SETS
     response: ResponseSettings = RESPONSE
     small_errors: SmallErrorSettings = SmallErrorSettings()
     evidence: EvidenceSettings = EvidenceSettings()

@@ -58,7 +58,10 @@ def conclude(judgement: Judgement, robots: PerturbedRobots, uneven: float, faint
         trial_set, judgement.nominal, judgement.singles, gain, seed, judgement.settings.evidence
     )
     remains = first.left(trial_set)
-    other = max(_other(remains / settings.other_half, settings), _other(uneven / settings.uneven, settings))
+    other = max(
+        other_probability(remains / settings.other_half, settings),
+        other_probability(uneven / settings.uneven, settings),
+    )
     answer = _answer(judgement)
     if chance_alone > settings.significance or not is_shown(judgement, robots):
         kind, answer = "no_gap" if faint and uneven <= settings.uneven else "unexplained", _Answer()
@@ -105,7 +108,7 @@ def pair_is_needed(judgement: Judgement) -> bool:
     return predicted and fitted and evidence.better_by(both, one) > settings.pair_errors
 
 
-def _other(share: float, settings: VerdictSettings) -> float:
+def other_probability(share: float, settings: VerdictSettings) -> float:
     """Return the probability of another cause: one half where `share` is 1, more where it is larger."""
     return 1.0 / (1.0 + math.exp(-settings.other_slope * math.log(max(share, 1e-9))))
 

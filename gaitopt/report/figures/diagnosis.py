@@ -139,7 +139,10 @@ def ranking(found: Causes) -> Figure:
 
 
 def profile(found: Causes) -> Figure:
-    """Draw the loss along each parameter of the winner, and the values that were simulated."""
+    """Draw the loss along each parameter of the winner, and the values that were simulated.
+
+    The winner is one effect or a pair; sets have no such curves.
+    """
     best = found.candidates[0]
     figure, grid = stacked_panels(len(best.fits), 0.3 + 2.7 * len(best.fits), share_x=False)
     rows = float(found.trial_set.rows_per_block.sum())

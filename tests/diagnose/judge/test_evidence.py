@@ -103,7 +103,18 @@ def test_chance_gains_little(planted: float, significant: bool) -> None:
     for change in changes:
         fit = toy_fit(trial_set, nominal.whitened, partial(_negative, change), (1.0,))
         losses = trial_set.losses(fit.at_best("whitened"))
-        candidates.append(Candidate((fit,), (1.0,), losses, losses, fit.at_best("whitened"), np.empty(0)))
+        candidates.append(
+            Candidate(
+                (fit.hypothesis,),
+                (1.0,),
+                losses,
+                losses,
+                fit.at_best("whitened"),
+                np.empty(0),
+                np.empty(0),
+                (fit,),
+            )
+        )
     gain = float(nominal.whitened @ nominal.whitened) - min(c.total_loss for c in candidates)
     chance = evidence.p_value(trial_set, nominal, candidates, max(gain, 0.0), 1)
     assert (chance <= 0.05) == significant

@@ -17,7 +17,16 @@ def fitted(measured: np.ndarray, predicted: Callable[[float], np.ndarray], at: S
     """The candidate of one parameter between 0 and 2, simulated at some coordinates."""
     fit = toy_fit(toy_trials(ROWS, 6), measured, predicted, at, high=2.0)
     loss = fit.loss()
-    return Candidate((fit,), (fit.best(),), loss, loss, fit.at_best("whitened"), np.empty(0))
+    return Candidate(
+        (fit.hypothesis,),
+        (fit.best(),),
+        loss,
+        loss,
+        fit.at_best("whitened"),
+        np.empty(0),
+        np.empty(0),
+        (fit,),
+    )
 
 
 @pytest.mark.parametrize("size", [0.0, 10.0])
@@ -57,7 +66,17 @@ def test_an_interval_of_a_pair_covers_too() -> None:
         left = unknown - slopes @ (at - TRUE)
         pair = PairFit((fit, fit), [toy_comparison(at, left)], -slopes)
         losses = fit.trial_set.losses(left)
-        candidate = Candidate((fit, fit), tuple(at.tolist()), losses, losses, left, np.empty(0), pair=pair)
+        candidate = Candidate(
+            (fit.hypothesis,) * 2,
+            tuple(at.tolist()),
+            losses,
+            losses,
+            left,
+            np.empty(0),
+            np.empty(0),
+            (fit, fit),
+            pair=pair,
+        )
         changes = rng.standard_normal((8, 4)) @ hidden
         covered += sum(low <= TRUE <= high for low, high in Precision(changes).intervals(candidate))
     assert 0.85 * 600 <= covered <= 0.97 * 600

@@ -1,0 +1,272 @@
+"""The search for a set of effects: what adds up, what follows when the best is in, what replaces what.
+
+First the set grows by one effect at a time. For each addition every other effect is tried at a few values
+beside the present set; the slopes then tell how well all of them together would fit. The best ones are
+fitted. After each addition effects are dropped that no longer pay for themselves, and effects are exchanged
+for others.
+
+A real servo is wrong in ten ways at once, and one step at a time leads to a set in which one effect stands
+for several others. So where a few effects leave too much, all effects are fitted together from several
+starts, and those that do not pay for themselves are dropped one by one. Such a fit begins with a loss that no
+trial can leave: its errors count in shares of its motion. Only then follows the robust loss.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.diagnose.fit.hypotheses import Hypothesis
+from gaitopt.diagnose.fit.set_fit import SetFit, SetFitter
+from gaitopt.diagnose.fit.settings import SetSettings
+from gaitopt.diagnose.fit.single import robot_request
+from gaitopt.diagnose.fit.trials import Comparison
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """An effect that was tried beside a set.
+
+    Attributes:
+        fit: the set with the effect, at its neutral value.
+        share: where it was tried, as a share of the way from neutral to a bound, signed by the side.
+        expected: score that the slopes predict.
+    """
+
+    fit: SetFit
+    share: float
+    expected: float
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        return self.fit.hypotheses[-1]
+
+
+@dataclass
+class SetSearch:
+    """A search over sets of effects.
+
+    Attributes:
+        fitter: fits sets.
+        hypotheses: every effect on each of its targets.
+        nominal: the trials compared with the nominal robot.
+        settings: how sets are searched.
+        coarse: fits sets by the errors in shares of the motion.
+        found: every set that was fitted, by its effects with their targets.
+    """
+
+    fitter: SetFitter
+    hypotheses: Sequence[Hypothesis]
+    nominal: Comparison
+    settings: SetSettings
+    coarse: SetFitter
+    found: dict[frozenset[str], SetFit] = field(default_factory=dict)
+    _last: dict[str, _Tried] = field(default_factory=dict)
+
+    def run(self) -> list[SetFit]:
+        """Return the sets that were fitted, the best score first; the empty set is among them."""
+        best = self._kept([self.fitter.empty(self.nominal)])[0]
+        while len(best.hypotheses) < self.settings.most_effects:
+            if len(best.hypotheses) >= self.settings.one_by_one and self._falls_short(best):
+                break
+            grown = self._exchanged(self._pruned(self._grown(best)))
+            if self.fitter.score(grown) >= self.fitter.score(best) - self.settings.worth:
+                break
+            best = grown
+        if best.hypotheses and self._falls_short(best):
+            self._all_together(best)
+        self._finish()
+        return self.ranked
+
+    def _falls_short(self, fit: SetFit) -> bool:
+        """Whether a set leaves much more than a correct one in more than a few trials."""
+        left = self.fitter.loss.squares(fit.robot.whitened) / self.fitter.loss.rows
+        return bool(np.mean(left > self.settings.right) > self.settings.few)
+
+    def _all_together(self, grown: SetFit) -> None:
+        """Fit all effects together from several starts, and drop those that do not pay for themselves."""
+        nothing = self.fitter.empty(self.nominal)
+        places = [(nothing, share) for share in self.settings.starts] + [(grown, self.settings.starts[0])]
+        wide = self.coarse.placed([self._point(base, share) for base, share in places])
+        for _ in range(self.settings.coarse_rounds):
+            wide = self.coarse.descend(self.coarse.measure_slopes(wide), self.settings.fine_rounds)
+        wide = sorted(wide, key=self.coarse.score)[: self.settings.refined]
+        wide = [self.fitter.at_robot(fit, fit.robot) for fit in wide]
+        for _ in range(self.settings.coarse_rounds):
+            wide = self.fitter.descend(self.fitter.measure_slopes(wide), self.settings.fine_rounds)
+        best = min(self._kept(wide), key=self.fitter.score)
+        self._exchanged(self._pruned(self._thinned(best)))
+
+    def _point(self, base: SetFit, share: float) -> dict[Hypothesis, float]:
+        """Return the coordinates of a set with every other effect a little away from neutral."""
+        point = dict(zip(base.hypotheses, base.robot.at.tolist(), strict=True))
+        best: dict[str, _Tried] = {}
+        for one in self._last.values():
+            name = one.hypothesis.effect.name
+            if name not in base.effects and (name not in best or one.expected < best[name].expected):
+                best[name] = one
+        for one in best.values():
+            point[one.hypothesis] = _coordinate(one.hypothesis, math.copysign(share, one.share))
+        return point
+
+    def _thinned(self, fit: SetFit) -> SetFit:
+        """Return a set without all effects that, as the slopes predict, do not pay for themselves."""
+        thin = fit
+        while len(thin.hypotheses) > 1:
+            smaller = [self.fitter.without_effect(thin, i) for i in range(len(thin.hypotheses))]
+            best = min(smaller, key=self._expected)
+            if self._expected(best) >= self._expected(thin):
+                break
+            thin = replace(best, radius=fit.radius)
+        if thin is fit:
+            return fit
+        fitted = self._fitted(self._simulated([thin]))
+        return fitted if self.fitter.score(fitted) < self.fitter.score(fit) else fit
+
+    @property
+    def ranked(self) -> list[SetFit]:
+        """The sets, the best score first."""
+        return sorted(self.found.values(), key=lambda fit: (self.fitter.score(fit), sorted(fit.names)))
+
+    def _grown(self, fit: SetFit) -> SetFit:
+        """Return the best set with one more effect."""
+        tried = self._tried_beside(fit)
+        if not tried:
+            return fit
+        work = [replace(one.fit, radius=self.settings.first_radius) for one in tried[: self.settings.started]]
+        return self._fitted(work)
+
+    def _fitted(self, work: Sequence[SetFit]) -> SetFit:
+        """Return the best of some sets after all were fitted roughly and the best of them well."""
+        rough = self._kept(self.fitter.descend(work, self.settings.rough_rounds))
+        order = sorted(rough, key=self.fitter.score)
+        leading = order[: self.settings.refined]
+        fine = self._kept(self._refined(leading))
+        return min([*fine, *order], key=self.fitter.score)
+
+    def _refined(self, fits: Sequence[SetFit]) -> list[SetFit]:
+        return self.fitter.descend(self.fitter.measure_slopes(fits), self.settings.fine_rounds)
+
+    def _tried_beside(self, fit: SetFit) -> list[_Tried]:
+        """Return every other effect beside a set, the best expected score first, each effect once."""
+        others = [h for h in self.hypotheses if h.effect.name not in fit.effects]
+        work = [(h, share) for h in others for share in self._shares(h)]
+        points = [(h, _coordinate(h, share)) for h, share in work]
+        requests = [
+            robot_request([*zip(fit.hypotheses, fit.robot.at.tolist(), strict=True), point])
+            for point in points
+        ]
+        best: dict[str, _Tried] = {}
+        for (h, share), (_, at), robot in zip(work, points, self.fitter.simulate(requests), strict=True):
+            if robot is None:
+                continue
+            reach = abs(h.share(at) - h.share(h.neutral)) * self.settings.beyond
+            beside = replace(self.fitter.with_effect(fit, h, at, robot), radius=reach)
+            one = _Tried(beside, share, self._expected(beside))
+            if h.name not in best or one.expected < best[h.name].expected:
+                best[h.name] = one
+        self._last |= best
+        firsts: dict[str, _Tried] = {}
+        for one in sorted(best.values(), key=lambda one: (one.expected, one.hypothesis.name)):
+            firsts.setdefault(one.hypothesis.effect.name, one)
+        return list(firsts.values())
+
+    def _expected(self, fit: SetFit) -> float:
+        return self.fitter.expected(fit)[1] + self.settings.price * len(fit.hypotheses)
+
+    def _shares(self, hypothesis: Hypothesis) -> list[float]:
+        """Return where an effect is tried: everywhere at first, then where it was best, and a little."""
+        signs = [1.0 if bound > hypothesis.neutral else -1.0 for bound in hypothesis.sides]
+        if hypothesis.name not in self._last:
+            return [sign * share for sign in signs for share in self.settings.screened]
+        last = self._last[hypothesis.name].share
+        return sorted({last, *(sign * self.settings.screened[0] for sign in signs)})
+
+    def _pruned(self, fit: SetFit) -> SetFit:
+        """Return a set without the effects that do not pay for themselves."""
+        while len(fit.hypotheses) > 1:
+            without = [self.fitter.without_effect(fit, i) for i in range(len(fit.hypotheses))]
+            limit = self.fitter.score(fit) + self.settings.doubtful
+            doubtful = [one for one in without if self._expected(one) < limit and one.names not in self.found]
+            doubtful = sorted(doubtful, key=self._expected)[: self.settings.dropped]
+            if not doubtful:
+                return fit
+            smaller = self._fitted(self._simulated(doubtful))
+            if self.fitter.score(smaller) >= self.fitter.score(fit):
+                return fit
+            fit = smaller
+        return fit
+
+    def _simulated(self, fits: Sequence[SetFit]) -> list[SetFit]:
+        """Return sets whose residual was only predicted with that of a simulated robot."""
+        requests = [robot_request(zip(fit.hypotheses, fit.robot.at.tolist(), strict=True)) for fit in fits]
+        robots = self.fitter.simulate(requests)
+        return [
+            self.fitter.at_robot(fit, robot)
+            for fit, robot in zip(fits, robots, strict=True)
+            if robot is not None
+        ]
+
+    def _exchanged(self, fit: SetFit) -> SetFit:
+        """Return a set in which an effect was exchanged for another, where that is better."""
+        for _ in range(self.settings.exchanges):
+            if len(fit.hypotheses) < 2:
+                return fit
+            swaps = self._swaps(fit)
+            if not swaps:
+                return fit
+            better = self._fitted(self._simulated(swaps))
+            if self.fitter.score(better) >= self.fitter.score(fit) - self.settings.worth:
+                return fit
+            fit = self._pruned(better)
+        return fit
+
+    def _swaps(self, fit: SetFit) -> list[SetFit]:
+        """Return the sets with one effect exchanged that are expected to be best."""
+        found: dict[frozenset[str], tuple[float, SetFit]] = {}
+        for beside in self._tried_beside(fit):
+            for index in range(len(fit.hypotheses)):
+                smaller = self.fitter.without_effect(beside.fit, index)
+                if smaller.names in self.found:
+                    continue
+                wide = replace(smaller, radius=self.settings.widest)
+                step, _ = self.fitter.expected(wide)
+                found[smaller.names] = (self._expected(wide), self.fitter.stepped(smaller, step))
+        ordered = sorted(found.values(), key=lambda one: one[0])
+        limit = self.fitter.score(fit) + self.settings.doubtful
+        return [one for expected, one in ordered if expected < limit][: self.settings.swapped]
+
+    def _finish(self) -> None:
+        """Fit the leading sets well, so that sets are compared by what they can do."""
+        for _ in range(self.settings.finish_rounds):
+            first = self.fitter.score(self.ranked[0])
+            leading = [
+                fit
+                for fit in self.ranked
+                if fit.hypotheses and self.fitter.score(fit) < first + self.settings.leading
+            ][: self.settings.finished]
+            before = [fit.loss for fit in leading]
+            after = self._kept(self._refined(leading))
+            if max((b - a.loss for b, a in zip(before, after, strict=True)), default=0.0) < 1.0:
+                break
+
+    def _kept(self, fits: Iterable[SetFit]) -> list[SetFit]:
+        """Keep fits, the better one of equal sets, and return them."""
+        fits = list(fits)
+        for fit in fits:
+            known = self.found.get(fit.names)
+            if known is None or fit.loss < known.loss or (fit.measured and fit.loss <= known.loss):
+                self.found[fit.names] = fit
+        return fits
+
+
+def _coordinate(hypothesis: Hypothesis, share: float) -> float:
+    """Return the coordinate at a share of the way from neutral to the bound on that side."""
+    bound = hypothesis.high if share > 0.0 else hypothesis.low
+    return hypothesis.neutral + abs(share) * (bound - hypothesis.neutral)

@@ -1,0 +1,75 @@
+"""The verdict on sets of effects: which effects are at work, and what they leave."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.diagnose.judge.candidates import Candidate
+from gaitopt.diagnose.judge.judgement import Judgement
+from gaitopt.diagnose.judge.sets import JudgedSets
+from gaitopt.diagnose.judge.verdict import Verdict, other_probability
+
+Array = NDArray[np.float64]
+
+
+def conclude_sets(judgement: Judgement, sets: JudgedSets, n_hypotheses: int) -> Verdict:
+    """Return the answer that sets of effects allow.
+
+    Args:
+        judgement: the trials and the sets.
+        sets: the sets.
+        n_hypotheses: number of effects tried, each on each of its targets.
+    """
+    settings = judgement.settings.verdict
+    if not sets.candidates or sets.none >= sets.scores[0]:
+        remains = _typical(sets, judgement.none)
+        other = other_probability(remains / settings.other_half, settings)
+        kind = "no_gap" if remains <= settings.left else "unexplained"
+        return Verdict(kind, other_probability=other)
+    first = judgement.first
+    chances = at_work(judgement)
+    causes = tuple(name for name, chance in chances.items() if chance > settings.at_work)
+    rest = tuple(n for n, chance in chances.items() if settings.possible <= chance <= settings.at_work)
+    remains = _typical(sets, first)
+    other = other_probability(remains / settings.other_half, settings)
+    chance_alone = min(1.0, n_hypotheses * math.exp(min(0.0, sets.none - float(sets.scores[0]))))
+    if remains <= settings.left:
+        kind = "ambiguous" if rest or not causes else "explained"
+    else:
+        explained = 1.0 - math.sqrt(remains / max(_typical(sets, judgement.none), 1e-300))
+        kind = "partly_explained" if explained >= settings.little else "unexplained"
+        if kind == "unexplained":
+            causes, rest = (), ()
+    return Verdict(kind, causes, rest, other, chance_alone)
+
+
+def at_work(judgement: Judgement) -> Mapping[str, float]:
+    """Return the probability of each effect over all sets, the most probable first."""
+    totals: dict[str, float] = {}
+    ranking = judgement.ranking
+    for candidate, chance in zip(ranking.candidates, ranking.probabilities.tolist(), strict=True):
+        for name in candidate.names:
+            totals[name] = totals.get(name, 0.0) + chance
+    return dict(sorted(totals.items(), key=lambda item: -item[1]))
+
+
+def misfit_trials(judgement: Judgement, sets: JudgedSets) -> dict[str, float]:
+    """Return the trials that the first set does not fit, with how many times the median trial they leave."""
+    left = sets.judge.heldout_left(judgement.first)
+    typical = max(1.0, float(np.median(left)))
+    names = [one.aligned.trial.name for one in judgement.trial_set.trials]
+    limit = judgement.settings.verdict.misfit
+    return {
+        name: float(one / typical)
+        for name, one in zip(names, left.tolist(), strict=True)
+        if one > limit * typical
+    }
+
+
+def _typical(sets: JudgedSets, candidate: Candidate) -> float:
+    """Return the mean whitened square that is left of held-out data, in the trial at the upper quartile."""
+    return float(np.quantile(sets.judge.heldout_left(candidate), 0.75))

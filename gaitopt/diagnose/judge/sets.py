@@ -1,0 +1,196 @@
+"""Sets of effects judged: each by what it predicts of the commands that its fit did not see.
+
+The fit without a fold is one Gauss–Newton step away from the fit to all trials. The slopes of the whitened
+residual predict what it leaves of that fold, so that no fold costs a simulation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.diagnose.fit.hypotheses import Hypothesis
+from gaitopt.diagnose.fit.robust import RobustLoss
+from gaitopt.diagnose.fit.runner import RobotRequest, Runner
+from gaitopt.diagnose.fit.set_fit import SetFit, SetFitter
+from gaitopt.diagnose.fit.set_search import SetSearch
+from gaitopt.diagnose.fit.settings import SetSettings
+from gaitopt.diagnose.fit.trials import Comparison, TrialSet
+from gaitopt.diagnose.judge.candidates import Candidate, heldout
+from gaitopt.diagnose.judge.precision import Interval
+
+Array = NDArray[np.float64]
+
+_Z90 = 1.645
+"""Half-width of a 90 % interval in standard deviations."""
+
+
+@dataclass(frozen=True)
+class SetJudge:
+    """Judges sets of effects.
+
+    Attributes:
+        trial_set: the trials.
+        loss: the robust loss.
+        fitter: the fitter, for steps without a fold.
+        settings: see `SetSettings`.
+    """
+
+    trial_set: TrialSet
+    loss: RobustLoss
+    fitter: SetFitter
+    settings: SetSettings
+
+    @staticmethod
+    def of(trial_set: TrialSet, runner: Runner, settings: SetSettings) -> SetJudge:
+        """Return the judge of some trials; robots are simulated by a runner."""
+        stage = runner.stage("fitting sets of effects")
+
+        def simulate(requests: Sequence[RobotRequest]) -> list[Comparison | None]:
+            return stage(trial_set, requests)
+
+        loss = RobustLoss(trial_set.row_trials, settings.freedom, settings.temper, settings.most_rows)
+        return SetJudge(trial_set, loss, SetFitter(loss, simulate, settings), settings)
+
+    def search(self, hypotheses: Sequence[Hypothesis], nominal: Comparison) -> list[SetFit]:
+        """Return the sets that were fitted, the best first; the empty set is among them."""
+        settings, loss = self.settings, self.loss
+        scales = 1.0 + settings.motion**2 * self.trial_set.motions
+        wide = RobustLoss(loss.row_trials, settings.gaussian, settings.temper, settings.most_rows, scales)
+        coarse = SetFitter(wide, self.fitter.simulate, settings)
+        return SetSearch(self.fitter, hypotheses, nominal, settings, coarse).run()
+
+    def candidate(self, fit: SetFit) -> Candidate:
+        """Return a set with what it leaves of held-out commands."""
+        trial_set, robot = self.trial_set, fit.robot
+        samples = np.concatenate([robot.marker, robot.angles])
+        steps = {None: np.zeros(len(fit.hypotheses))} | {
+            tuple(weights): self._step_without(fit, weights) for _, weights in trial_set.fold_weights
+        }
+
+        def of_samples(weights: Array | None) -> Array:
+            step = steps[None if weights is None else tuple(weights)]
+            left: Array = samples + fit.sample_slopes @ step
+            return left
+
+        def of_rows(weights: Array | None) -> Array:
+            step = steps[None if weights is None else tuple(weights)]
+            left: Array = robot.whitened + fit.slopes @ step
+            return left
+
+        split = len(robot.marker)
+        return Candidate(
+            fit.hypotheses,
+            tuple(robot.at.tolist()),
+            trial_set.losses(robot.whitened),
+            trial_set.losses(heldout(trial_set, trial_set.row_blocks, of_rows)),
+            robot.whitened,
+            heldout(trial_set, trial_set.sample_blocks, lambda weights: of_samples(weights)[:split]),
+            heldout(trial_set, trial_set.angle_blocks, lambda weights: of_samples(weights)[split:]),
+            log_priors=tuple(
+                h.log_prior(at) for h, at in zip(fit.hypotheses, robot.at.tolist(), strict=True)
+            ),
+            together=fit,
+        )
+
+    def scores(self, candidates: Sequence[Candidate]) -> Array:
+        """Return the logarithm of each candidate's posterior weight, up to a constant."""
+        found = []
+        for candidate in candidates:
+            left = self.loss.of_squares(self.trial_set.by_trial(candidate.heldout_loss)).sum()
+            prior = self.settings.inclusion * len(candidate.hypotheses) - 2.0 * candidate.log_target_share
+            found.append(-0.5 * (float(left) + prior))
+        return np.array(found)
+
+    def heldout_left(self, candidate: Candidate) -> Array:
+        """Return the mean whitened square that is left of each trial held out, shape (trials,)."""
+        left: Array = self.trial_set.by_trial(candidate.heldout_loss) / self.loss.rows
+        return left
+
+    def _step_without(self, fit: SetFit, weights: Array) -> Array:
+        """Return the step, in ranges, to the fit with other weights of the blocks."""
+        wide = replace(fit, radius=self.settings.widest)
+        return self.fitter.expected(wide, weights[self.trial_set.row_blocks])[0]
+
+
+@dataclass(frozen=True)
+class JudgedSets:
+    """Sets of effects in order of their probability.
+
+    Attributes:
+        judge: their judge.
+        candidates: the sets, the most probable first; the empty set is left out.
+        scores: logarithm of the posterior weight of each, up to a constant, shape (candidates,).
+        none: the same of the empty set.
+    """
+
+    judge: SetJudge
+    candidates: tuple[Candidate, ...]
+    scores: Array
+    none: float
+
+    @staticmethod
+    def of(judge: SetJudge, sets: Sequence[SetFit]) -> JudgedSets:
+        """Return some sets, judged."""
+        every = [judge.candidate(fit) for fit in sets]
+        scores = judge.scores(every)
+        order = [i for i in np.argsort(-scores, kind="stable").tolist() if every[i].hypotheses]
+        none = [float(score) for one, score in zip(every, scores, strict=True) if not one.hypotheses]
+        return JudgedSets(judge, tuple(every[i] for i in order), scores[order], max(none, default=-math.inf))
+
+    def intervals(self, candidate: Candidate, changes: Array) -> list[Interval]:
+        """Return a 90 % interval of each parameter of a set, in its unit."""
+        if candidate.together is None:
+            raise ValueError("the candidate is no set of effects")
+        return set_intervals(candidate.together, self.judge.loss, self.judge.fitter, changes)
+
+
+def set_intervals(fit: SetFit, loss: RobustLoss, fitter: SetFitter, changes: Array) -> list[Interval]:
+    """Return a 90 % interval of each parameter of a set, in its unit.
+
+    Its half-width is the root of the sum of two squares: the error of the fit, and the shift of the fit with
+    perturbed robots. The error of the fit is the larger one of what the curvature of the loss and what the
+    scatter of the trials' gradients say.
+
+    Args:
+        fit: the set.
+        loss: its loss.
+        fitter: its fitter, for the priors.
+        changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
+    """
+    halves = _Z90 * np.sqrt(np.diag(covariance(fit, loss, fitter, changes)))
+    intervals = []
+    for h, share, half in zip(fit.hypotheses, fit.shares.tolist(), halves.tolist(), strict=True):
+        low, high = h.share_limits
+        ends = (min(max(share + side * half, low), high) for side in (-1.0, 1.0))
+        below, above = (h.value(h.coordinate_at(end)) for end in ends)
+        intervals.append((below, above))
+    return intervals
+
+
+def covariance(fit: SetFit, loss: RobustLoss, fitter: SetFitter, changes: Array) -> Array:
+    """Return the covariance of a set's parameters, in squares of their ranges, shape (k, k)."""
+    weights = loss.weights(fit.robot.whitened)
+    weighted = weights[:, None] * fit.slopes
+    _, prior = fitter.prior_rows(fit)
+    inverse = np.linalg.pinv(fit.slopes.T @ weighted + np.diag(prior**2))
+    gradients = np.stack(
+        [
+            np.bincount(loss.row_trials, column * fit.robot.whitened, minlength=len(loss.rows))
+            for column in weighted.T
+        ],
+        axis=1,
+    )
+    count, k = len(loss.rows), len(fit.hypotheses)
+    scatter = gradients.T @ gradients * count / max(1, count - k)
+    sandwich = inverse @ scatter @ inverse
+    grown = np.sqrt(np.maximum(1.0, np.diag(sandwich) / np.maximum(np.diag(inverse), 1e-300)))
+    spread: Array = inverse * np.outer(grown, grown)
+    if len(changes):
+        shifts = changes @ weighted @ inverse
+        spread = spread + shifts.T @ shifts / len(changes)
+    return spread
