@@ -39,12 +39,12 @@ def answer(diagnosis: Diagnosis) -> str:
     gap = shown_gap(diagnosis)
     figures = f"{gap.amount(gap.gap.before)} RMS of {gap.of}, floor {gap.amount(gap.gap.floor)}"
     if diagnosis.verdict == "no_gap":
-        return f"No significant gap: {figures}."
+        return f"No significant gap: {figures}{_angles_too(diagnosis)}."
     if diagnosis.verdict == "explained" and not (diagnosis.found and diagnosis.found.causes):
         return f"The gap ({figures}) is in the recordings: {', '.join(diagnosis.causes)}."
     if diagnosis.found is not None and diagnosis.found.candidates:
         return f"{_VERDICTS[diagnosis.verdict].format(*_who(diagnosis))} The gap: {_before_after(gap)}."
-    text = f"There is a gap: {figures}."
+    text = f"There is a gap: {figures}{_angles_too(diagnosis)}."
     for first in diagnosis.where[:1]:  # nothing where every part of the gap is within the floor
         part = f"{first.component} of {first.signal} in trial {first.trial}"
         if any(has_log(trial) for trial in diagnosis.trials):
@@ -63,17 +63,29 @@ class ShownGap:
         gap: the gap, m or rad.
         of: what it is the gap of.
         amount: returns a length or an angle in words.
+        in_rad: whether it is an angle.
     """
 
     gap: Gap
     of: str
     amount: Callable[[float], str]
+    in_rad: bool = False
 
 
 def shown_gap(diagnosis: Diagnosis) -> ShownGap:
     """Return the gap that is put into words."""
     angles = None if diagnosis.measures_positions else diagnosis.gap_angles
-    return ShownGap(angles, "the angles", angle) if angles else ShownGap(diagnosis.gap, "the marker", _mm)
+    if angles is None:
+        return ShownGap(diagnosis.gap, "the marker", _mm)
+    return ShownGap(angles, "the angles", angle, in_rad=True)
+
+
+def _angles_too(diagnosis: Diagnosis) -> str:
+    """Return the gap of the angles in words, where they were measured beside a marker under a log."""
+    angles = diagnosis.gap_angles if diagnosis.measures_positions else None
+    if angles is None or not any(map(has_log, diagnosis.trials)):
+        return ""
+    return f"; {angle(angles.before)} RMS of the angles, floor {angle(angles.floor)}"
 
 
 def has_log(trial: TrialGap) -> bool:
@@ -282,8 +294,10 @@ def _length(part: Split, value: float) -> str:
 
 
 def angle(value: float) -> str:
-    """Return an angle, rad, in words."""
-    return f"{value:.3g} rad ({math.degrees(value):.3g}°)"
+    """Return an angle, rad, in words; no finer than sensors are."""
+    degrees = math.degrees(value)
+    rad = f"{value:.3g}" if abs(value) >= 0.01 else f"{value:.4f}"
+    return f"{rad} rad ({degrees:.3g}°)" if abs(degrees) >= 1.0 else f"{rad} rad ({degrees:.2f}°)"
 
 
 def _mm(value: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from pathlib import Path
 
@@ -10,15 +11,17 @@ from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.judge.experiment import Experiment
 from gaitopt.diagnose.trial_gap import TrialGap
-from gaitopt.diagnose.words import answer, explanation, what_it_tells
+from gaitopt.diagnose.words import answer, explanation, has_log, shown_gap, what_it_tells
 from gaitopt.problem.problem import Problem
 from gaitopt.report import diagnosis_tables as tables
+from gaitopt.report.diagnosis_of_logs import gaits_of, log_sections, logs_text
 from gaitopt.report.figures import diagnosis as diagnosis_plots
 from gaitopt.report.figures import gait as gait_plots
 from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
 from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.tables import gait_table
 from gaitopt.report.words import robot_text
+from gaitopt.robot.signals import MARKER
 from gaitopt.runs.folder import PAGE_FILE, write_into
 from gaitopt.simulation.rollout import Simulator
 
@@ -61,11 +64,13 @@ def write_page(
             *film.sections,
             *save_figures(folder, _trial_pictures(diagnosis, correction)),
             *save_figures(folder, _gap_pictures(diagnosis)),
+            *log_sections(folder, diagnosis, correction),
             *_with_table("Largest parts of the gap", tables.largest_parts(diagnosis)),
             *_with_table("Gaits on the corrected robot", tables.walked(correction)),
             *_next_sections(folder, diagnosis),
             folded(Section("Trial by trial, in words", sentences=explanation(diagnosis))),
-            folded(Section("Each signal", table=tables.signals(diagnosis))),
+            *map(folded, _with_table("Each signal", tables.signals(diagnosis))),
+            *map(folded, _with_table("Each signal of logged commands", tables.signals_of_logs(diagnosis))),
             folded(Section("The floor", table=tables.floors(diagnosis))),
         ],
     )
@@ -81,7 +86,7 @@ def _asked(problem: Problem, diagnosis: Diagnosis) -> dict[str, str]:
     return {
         "Robot": robot_text(problem),
         "Data set": diagnosis.source,
-        "Trials": ", ".join(map(_trial, diagnosis.trials)),
+        "Trials": ", ".join([*map(_trial, gaits_of(diagnosis)), *logs_text(diagnosis)]),
         "Simulated": f"at {figure(diagnosis.fidelity.timestep_s)} s, {diagnosis.fidelity.integrator}, "
         f"seed {diagnosis.seed}",
     }
@@ -94,17 +99,19 @@ def _trial(gap: TrialGap) -> str:
 
 
 def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    gap, found, verdict = diagnosis.gap, diagnosis.found, diagnosis.verdict
+    found, verdict, shown = diagnosis.found, diagnosis.verdict, shown_gap(diagnosis)
     causes = " and ".join(diagnosis.causes) or "no cause found"
-    before, after, floor = (figure(1e3 * value) for value in (gap.before, gap.after, gap.floor))
+    scale, unit = (math.degrees(1.0), "°") if shown.in_rad else (1e3, " mm")
+    values = (shown.gap.before, shown.gap.after, shown.gap.floor)
+    before, after, floor = (figure(scale * value) for value in values)
     tiles = [(_VERDICTS[verdict], causes if verdict != "no_gap" else "within the floor")]
     if found and found.effects:
         first = found.effects[0]
         tiles.append((tables.probability(first.probability), f"probability of {first.name}"))
-        tiles.append((f"{before} → {after} mm", f"gap on held-out data; floor {floor} mm"))
+        tiles.append((f"{before} → {after}{unit}", f"gap on held-out data; floor {floor}{unit}"))
         tiles.append((tables.probability(found.other_probability), "probability of something else"))
     else:
-        tiles.append((f"{before} mm", f"gap of the marker; floor {floor} mm"))
+        tiles.append((f"{before}{unit}", f"gap of {shown.of}; floor {floor}{unit}"))
     return tiles
 
 
@@ -144,10 +151,12 @@ def _cause_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
 
 def _trial_pictures(diagnosis: Diagnosis, correction: Correction | None) -> dict[str, Picture]:
     best = diagnosis.found.best if diagnosis.found else None
-    pictures = {}
+    pictures: dict[str, Picture] = {}
     for index, trial in enumerate(diagnosis.trials):
+        if has_log(trial):
+            continue
         beside = correction.trials[index] if correction and correction.trials else None
-        name = "measured" if index == 0 else f"measured-{index + 1}"
+        name = f"measured-{len(pictures) + 1}" if pictures else "measured"
         with_it = f" and with {best.label} (orange)" if beside and best else ""
         said = (
             f"Measured (dots) and simulated: nominal (grey, dashed){with_it}, on the gait's clock, with the "
@@ -157,22 +166,25 @@ def _trial_pictures(diagnosis: Diagnosis, correction: Correction | None) -> dict
         pictures[name] = Picture(
             f"Trial {trial.name}",
             partial(diagnosis_plots.measured_and_simulated, trial, beside),
-            said if index == 0 else f"The same of trial {trial.name}.",
+            f"The same of trial {trial.name}." if pictures else said,
         )
     return pictures
 
 
 def _gap_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
+    gaits = gaits_of(diagnosis)
+    if not gaits:
+        return {}
     return {
         "components": Picture(
             "What the gap is made of",
-            partial(diagnosis_plots.components, diagnosis),
+            partial(diagnosis_plots.components, gaits),
             "The gap of each signal and trial in multiples of its floor, and its components. A bar that ends "
             "left of the dashed line is no gap.",
         ),
         "map": Picture(
             "Where in the cycle",
-            partial(diagnosis_plots.gap_map, diagnosis),
+            partial(diagnosis_plots.gap_map, gaits),
             "The gap at each moment of the cycle, without drift, in multiples of the floor. Bright cells are "
             "the moments to look at, in that signal of that trial.",
         ),
@@ -184,7 +196,10 @@ def _film(folder: Path, problem: Problem, correction: Correction | None, diagnos
     from gaitopt.report.film.film import write_film
     from gaitopt.report.film.take import take_beside
 
-    trial = max(diagnosis.trials, key=_worst).aligned.trial
+    filmed = [trial for trial in diagnosis.trials if set(MARKER) & set(trial.floors)]
+    if not filmed:
+        return FilmPart()
+    trial = max(filmed, key=_worst).aligned.trial
     robots = {"nominal": problem} | ({"corrected": correction.problem} if correction else {})
     length = film_on_page_s(trial.drive.block_s)
     caption = (

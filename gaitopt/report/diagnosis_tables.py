@@ -7,9 +7,12 @@ import math
 from gaitopt.core.quantities import figure
 from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis, GapOfTrial
-from gaitopt.diagnose.gap.split import COMPONENTS
-from gaitopt.diagnose.gap.where import GapShare
+from gaitopt.diagnose.gap.components import LARGEST_SIZE
+from gaitopt.diagnose.gap.split import COMPONENTS, Split
+from gaitopt.diagnose.gap.split_commands import COMMAND_COMPONENTS
+from gaitopt.diagnose.gap.where import ComponentShare, GapShare, by_component
 from gaitopt.diagnose.judge.causes import EffectProbability
+from gaitopt.diagnose.words import has_log, name_of_component
 from gaitopt.report.page import Table
 from gaitopt.robot.signals import unit_of
 
@@ -59,7 +62,7 @@ def probability(value: float) -> str:
 
 def shrinkage(diagnosis: Diagnosis) -> Table | None:
     """Return the gap before and after, trial by trial; None where nothing was fitted."""
-    if not diagnosis.gap_by_trial:
+    if not diagnosis.gap_by_trial or not diagnosis.measures_positions:
         return None
     rows = [*diagnosis.gap_by_trial, GapOfTrial("all trials", diagnosis.gap)]
     return Table(
@@ -98,6 +101,8 @@ def largest_parts(diagnosis: Diagnosis) -> Table | None:
     """Return the largest components of the gap; None where no trial has a gap above its floor."""
     if not diagnosis.where:
         return None
+    if any(map(has_log, diagnosis.trials)):
+        return _largest_components(diagnosis)
     return Table(
         head=["signal", "component", "share of the whole", "RMS", "floors"],
         rows=[_part_row(row) for row in diagnosis.where[:_SHOWN]],
@@ -107,6 +112,34 @@ def largest_parts(diagnosis: Diagnosis) -> Table | None:
         "Shares are of the squared gap in floors, over the trials that count.",
         words=(1,),
     )
+
+
+def _largest_components(diagnosis: Diagnosis) -> Table:
+    """Return the components over all trials, where commands were logged."""
+    return Table(
+        head=["signal", "component", "share of the whole", "RMS", "largest in", "there", "floors there"],
+        rows=[_component_row(row) for row in by_component(diagnosis.where)[:_SHOWN]],
+        note="Gain: the motion since the start is larger or smaller than simulated. Bias: a constant "
+        "distance. Lag: the same motion later or earlier. Overshoot: soon after a change of command the "
+        "motion has another shape. Stick and slip: it advances in steps where the command is smooth. "
+        "Saturation: it differs where the motion runs at its limit. Drift: a slow change over the recording. "
+        "Noise: of the measurement. Shares are of the squared gap in floors, over the trials that count. "
+        "RMS: over these.",
+        words=(1, 4),
+    )
+
+
+def _component_row(row: ComponentShare) -> list[str]:
+    largest = row.largest
+    return [
+        row.signal,
+        name_of_component(row.component),
+        f"{100 * row.share:.0f} %",
+        _amount(row.gap, row.unit),
+        largest.trial,
+        _amount(largest.gap, largest.unit),
+        "–" if largest.floors is None else f"{largest.floors:.1f}",
+    ]
 
 
 def _part_row(row: GapShare) -> list[str]:
@@ -119,40 +152,71 @@ def _part_row(row: GapShare) -> list[str]:
     ]
 
 
-def signals(diagnosis: Diagnosis) -> Table:
-    """Return how each signal differs from its prediction."""
+def signals(diagnosis: Diagnosis) -> Table | None:
+    """Return how each signal of a gait differs from its prediction; None where there was no gait."""
     rows = []
     for trial in diagnosis.trials:
         for name, part in trial.splits.items():
-            travels = (
-                [_amount(travel, unit_of(name)) for travel in part.travel] if part.travel else ["–", "–"]
-            )
-            shares = [f"{100 * part.squares.get(c, 0.0) / (part.rms**2 or 1.0):.0f} %" for c in COMPONENTS]
-            size, delay = f"{part.size:.2f}", f"{1e3 * part.delay_s:+.0f} ms"
-            rows.append([f"{trial.name}: {name}", *travels, size, delay, *shares])
-    return Table(
-        head=["signal", "travel a cycle", "simulated", "size in a cycle", "delay", *COMPONENTS], rows=rows
-    )
+            if part.travel is not None:
+                travels = [_amount(travel, unit_of(name)) for travel in part.travel]
+                rows.append([f"{trial.name}: {name}", *travels, *_size_and_delay(part), *_shares(part)])
+    head = ["signal", "travel a cycle", "simulated", "size in a cycle", "delay", *COMPONENTS]
+    return Table(head=head, rows=rows) if rows else None
+
+
+def signals_of_logs(diagnosis: Diagnosis) -> Table | None:
+    """Return how each signal of logged commands differs from its prediction; None where none were logged."""
+    rows = [
+        [f"{trial.name}: {name}", *_size_and_delay(part), *_shares(part)]
+        for trial in diagnosis.trials
+        for name, part in trial.splits.items()
+        if part.travel is None
+    ]
+    names = map(name_of_component, COMMAND_COMPONENTS)
+    return Table(head=["signal", "size", "delay", *names], rows=rows) if rows else None
+
+
+def _size_and_delay(part: Split) -> list[str]:
+    size = f"{part.size:.2f}" if abs(part.size) < LARGEST_SIZE else "–"
+    return [size, f"{1e3 * part.delay_s:+.0f} ms"]
+
+
+def _shares(part: Split) -> list[str]:
+    """Return the share of each component of a signal's squared gap."""
+    return [f"{100 * square / (part.rms**2 or 1.0):.0f} %" for square in part.squares.values()]
 
 
 def floors(diagnosis: Diagnosis) -> Table:
     """Return the floor of each signal and its parts."""
-    rows = []
+    rows, logs = [], any(map(has_log, diagnosis.trials))
     for trial in diagnosis.trials:
         for name, floor in trial.floors.items():
-            parts = (floor.noise, floor.spread, floor.repeats, floor.start_pose, floor.numerics, floor.clock)
+            repeats = (floor.repeats, floor.others) if logs else (floor.repeats,)
+            parts = (floor.noise, floor.spread, *repeats, floor.start_pose, floor.numerics, floor.clock)
             amounts = (trial.aligned.rms(name), floor.total, *parts)
             cells = ("–" if amount is None else _amount(amount, unit_of(name)) for amount in amounts)
             rows.append([f"{trial.name}: {name}", *cells])
+    others = ["repeats of others"] if logs else []
     return Table(
-        head=["signal", "gap", "floor", "noise", "cycles", "repeats", "start pose", "timestep", "clock"],
+        head=[
+            *("signal", "gap", "floor", "noise", "cycles", "repeats", *others),
+            *("start pose", "timestep", "clock"),
+        ],
         rows=rows,
         note="RMS. The data give noise, spread of the cycles and repeats. The simulator, at the fidelity "
-        "used, gives start pose, timestep and the error of rounded time stamps.",
+        "used, gives start pose, timestep and the error of rounded time stamps."
+        + (_OF_OTHERS if logs else ""),
     )
+
+
+_OF_OTHERS = (
+    " Repeats of others: what to expect of commands that were not repeated. It is the spread of the "
+    "repeats of other commands, in proportion to the speed of the motion."
+)
 
 
 def _amount(value: float, unit: str) -> str:
     """Return a length in mm or an angle in degrees; a value that rounds to zero is 0."""
     scaled, shown = (1e3 * value, " mm") if unit == "m" else (math.degrees(value), "°")
-    return f"{figure(scaled) if abs(scaled) >= 5e-3 else '0'}{shown}"
+    text = figure(scaled) if abs(scaled) >= 0.01 else f"{scaled:.3f}"
+    return f"{text if abs(scaled) >= 5e-3 else '0'}{shown}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -81,9 +83,9 @@ def _signal(axes: Axes, trial: TrialGap, name: str, after: Aligned | None) -> No
         axes.plot(raw, measured[moved], "|", color=COLOURS[3], ms=4, mew=0.7, label="stamp corrected")
 
 
-def components(diagnosis: Diagnosis) -> Figure:
-    """Draw the components of the gap of each signal and trial, in floors."""
-    bars = [(trial, name) for trial in diagnosis.trials for name in trial.splits]
+def components(trials: Sequence[TrialGap]) -> Figure:
+    """Draw the components of the gap of each signal of some trials of gaits, in floors."""
+    bars = [(trial, name) for trial in trials for name in trial.splits]
     figure, axes = single_panel(0.3 * len(bars) + 1.5)
     places = np.arange(len(bars))[::-1]
     left = np.zeros(len(bars))
@@ -205,12 +207,12 @@ def _by_phase(trial: TrialGap, name: str) -> np.ndarray:
 def _floors(trial: TrialGap, name: str, component: str) -> float:
     """Return a component's part of the length of a bar that is as long as the gap, in floors."""
     part, floor = trial.splits[name], trial.floors[name].total
-    return part.squares.get(component, 0.0) / (part.rms or 1.0) / floor if floor > 0.0 else 0.0
+    return part.squares[component] / (part.rms or 1.0) / floor if floor > 0.0 else 0.0
 
 
-def gap_map(diagnosis: Diagnosis) -> Figure:
-    """Draw the gap inside the cycle by phase, in floors: one row for each signal of each trial."""
-    rows = [(t, name) for t in diagnosis.trials for name in t.splits if len(t.splits[name].by_phase)]
+def gap_map(trials: Sequence[TrialGap]) -> Figure:
+    """Draw the gap inside the cycle by phase, in floors: one row for each signal of each trial of a gait."""
+    rows = [(trial, name) for trial in trials for name in trial.splits]
     values = np.stack([_by_phase(trial, name) for trial, name in rows])
     figure, axes = single_panel(0.28 * len(rows) + 1.2)
     image = axes.imshow(
