@@ -17,10 +17,12 @@ if TYPE_CHECKING:
     from gaitopt.core.errors import GaitoptError
     from gaitopt.core.progress import OnProgress, Progress
     from gaitopt.diagnose.diagnosis import Diagnosis
+    from gaitopt.diagnose.record.commands import read_commands
     from gaitopt.diagnose.words import answer
     from gaitopt.export.handover import Choices, Exported
     from gaitopt.gait.drive import Drive
     from gaitopt.gait.gait import Channel, Gait, read_gait, write_gait
+    from gaitopt.gait.logged import LoggedCommands
     from gaitopt.jobs.blind import MadeCases, blind_make, blind_score
     from gaitopt.jobs.check import audit, check
     from gaitopt.jobs.command import CommandTable, command
@@ -59,6 +61,7 @@ __all__ = [
     "Gait",
     "GaitoptError",
     "ImportRun",
+    "LoggedCommands",
     "MadeCases",
     "Metrics",
     "NewProblem",
@@ -89,6 +92,7 @@ __all__ = [
     "model",
     "optimise",
     "plan",
+    "read_commands",
     "read_gait",
     "silence_warnings",
     "simulate",
@@ -103,6 +107,7 @@ _HOMES = {
         "Progress",
     ),
     "gaitopt.diagnose.diagnosis": ("Diagnosis",),
+    "gaitopt.diagnose.record.commands": ("read_commands",),
     "gaitopt.diagnose.words": ("answer",),
     "gaitopt.export.handover": (
         "Choices",
@@ -115,6 +120,7 @@ _HOMES = {
         "read_gait",
         "write_gait",
     ),
+    "gaitopt.gait.logged": ("LoggedCommands",),
     "gaitopt.jobs.blind": (
         "MadeCases",
         "blind_make",

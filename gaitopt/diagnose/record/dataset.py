@@ -163,8 +163,10 @@ def _trial(entry: TrialFile, path: Path, problem: Problem, measurable: list[str]
     signals = {name: _series(table, name, column, source) for name, column in entry.signals.items()}
     used = {name: np.isfinite(series) for name, series in signals.items()}
     starts = entry.starts_at_s
-    if isinstance(drive, LoggedCommands):
-        starts = None if starts is None else starts - drive.first_s
+    if isinstance(drive, LoggedCommands) and starts is not None:
+        starts -= drive.first_s
+    elif isinstance(drive, LoggedCommands):  # its clock may have begun at any time, even years ago
+        time = time - time[0]
     return Trial(entry.name, drive, time, signals, used, starts, entry.noise_m, entry.fps)
 
 

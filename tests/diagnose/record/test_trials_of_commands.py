@@ -120,6 +120,17 @@ def test_the_clocks_are_one_unless_the_data_set_says_otherwise(
     assert trial.starts_at_s == starts
 
 
+def test_a_clock_of_its_own_may_have_begun_at_any_time(rig: Problem, tmp_path: Path) -> None:
+    channel = rig.channel_names[0]
+    angles = "\n".join(f"{1.7e9 + 0.02 * i:.2f},0.1" for i in range(50))
+    tables = {"log.csv": f"t_s,{channel}_rad\n3.0,0\n3.5,1\n", "angles.csv": f"t_s,angle_rad\n{angles}\n"}
+    entry = {"commands": "log.csv", "file": "angles.csv", "starts_at_gait_time_s": "unknown"}
+    (trial,) = load_dataset(written(tmp_path, tables, one=entry), rig, KNOWN).trials
+    assert (trial.starts_at_s, trial.time[0]) == (None, 0.0)
+    assert trial.time[-1] == pytest.approx(0.98, abs=1e-6)
+    assert trial.drive.start == {"elbow": 0.1}
+
+
 def test_repeats_share_a_rollout_from_their_mean_start(rig: Problem, tmp_path: Path) -> None:
     one, other = bench(*["0.5,0.010"] * 12), bench(*["0.5,0.014"] * 50)
     trials = of_one_table(tmp_path, rig, one, other).trials
