@@ -241,7 +241,8 @@ def test_a_diagnosis_with_a_gap_of_no_part_has_an_answer(candidates: list[str]) 
     """Every part of it is within the floor; the answer needed the largest."""
     gap = Gap(before=0.004, after=0.004, floor=0.001, ci90=(0.0, 0.0))
     found = SimpleNamespace(candidates=candidates, best=None, causes=[])
-    said = answer(SimpleNamespace(gap=gap, verdict="unexplained", found=found, where=[], causes=[]))  # type: ignore[arg-type]
+    parts = {"gap": gap, "verdict": "unexplained", "found": found, "where": [], "causes": []}
+    said = answer(SimpleNamespace(**parts, measures_positions=True))  # type: ignore[arg-type]
     assert "4 mm RMS of the marker" in said
 
 
