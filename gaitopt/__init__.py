@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from gaitopt.jobs.check import audit, check
     from gaitopt.jobs.command import CommandTable, command
     from gaitopt.jobs.compare import compare
+    from gaitopt.jobs.correct import CorrectedServos, correct_servos
     from gaitopt.jobs.diagnose import DiagnosisRun, diagnose
     from gaitopt.jobs.draft import NewProblem, draft_problem
     from gaitopt.jobs.effects import list_effects
@@ -52,6 +53,7 @@ __all__ = [
     "Channel",
     "Choices",
     "CommandTable",
+    "CorrectedServos",
     "Diagnosis",
     "DiagnosisRun",
     "Drive",
@@ -82,6 +84,7 @@ __all__ = [
     "check",
     "command",
     "compare",
+    "correct_servos",
     "diagnose",
     "draft_problem",
     "export",
@@ -135,6 +138,10 @@ _HOMES = {
         "command",
     ),
     "gaitopt.jobs.compare": ("compare",),
+    "gaitopt.jobs.correct": (
+        "CorrectedServos",
+        "correct_servos",
+    ),
     "gaitopt.jobs.diagnose": (
         "DiagnosisRun",
         "diagnose",

@@ -72,7 +72,7 @@ def carrying(problem: Problem) -> Problem:
     Raises:
         GaitoptError: a file is missing, or lies outside the problem's folder.
     """
-    root = _with_includes(problem)
+    root = with_includes(problem)
     mjcf = ET.tostring(root, encoding="unicode").encode()
     return replace(problem, carried={problem.model_path.name: mjcf} | model_assets(problem))
 
@@ -93,7 +93,7 @@ def model_assets(problem: Problem) -> dict[str, bytes]:
         GaitoptError: a file is missing, or lies outside the problem's folder.
     """
     folder = problem.model_path.parent
-    files = named_files(_with_includes(problem), problem.model_path, problem.carried)
+    files = named_files(with_includes(problem), problem.model_path, problem.carried)
     return {path_from(folder, path): data for path, data in files.values()}
 
 
@@ -143,21 +143,22 @@ def nominal_parts(problem: Problem) -> Parts:
     return Parts(build_model(problem), problem.roles, problem.channel_names)
 
 
+def with_includes(problem: Problem) -> ET.Element:
+    """Return the MJCF with includes resolved, without the named parameters."""
+    if problem.carried is None:
+        return read_mjcf(problem.model_path)[0]
+    return parse_mjcf(problem.model_path, problem.carried[problem.model_path.name].decode())
+
+
 def _parameterised(problem: Problem) -> ET.Element:
     """Return the MJCF with includes resolved and every named parameter written in."""
-    root = _with_includes(problem)
+    root = with_includes(problem)
     for name, parameter in problem.file.parameters.items():
         for path, template in parameter.sets.items():
             _set_attribute(root, path, template, parameter, f"{problem.source}: parameters.{name}.sets")
     if problem.file.start.held:
         hold(root, compile_for(problem, root), START, problem.model_path)
     return root
-
-
-def _with_includes(problem: Problem) -> ET.Element:
-    if problem.carried is None:
-        return read_mjcf(problem.model_path)[0]
-    return parse_mjcf(problem.model_path, problem.carried[problem.model_path.name].decode())
 
 
 def _set_attribute(root: ET.Element, path: str, template: str, parameter: Parameter, source: str) -> None:

@@ -18,6 +18,7 @@ from gaitopt.problem.problem import load_problem
 OVER_INPUTS = {
     "the problem": ("model", "{robot}", "--out", "{robot}/problem.toml"),
     "the model": ("model", "{robot}", "--out", "{robot}/strider.xml"),
+    "a problem and its servo": ("correct", "{robot}", "servo-bench", "--out", "{robot}/problem.toml"),
     "the model by another name": ("model", "{robot}", "--out", "{robot}/hard.xml"),
     "an include": ("model", "{robot}", "--out", "{robot}/part.xml"),
     "a gait": ("simulate", "{robot}", "{robot}/gait.toml", "--csv", "{robot}/gait.toml"),

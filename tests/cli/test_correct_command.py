@@ -1,0 +1,134 @@
+"""`gaitopt correct`: a learnt servo in the problem of another robot, from a run folder to a file."""
+
+import json
+from pathlib import Path
+
+import pytest
+from commandline import Run, refused, strictly
+from helpers import STRIDER, problem_folder
+
+from gaitopt import correct_servos
+from gaitopt.core.errors import GaitoptError
+from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.simulation.rollout import Simulator
+
+EFFECTS = {
+    "servo_gain": {"scale": 0.5, "target": "all"},
+    "servo_trim": {"offset_rad": 0.05, "target": "servo"},
+    "servo_stiction": {"torque_n_m": 0.01, "target": "servo"},
+}
+
+
+@pytest.fixture
+def bench() -> Path:
+    """The run folder of a diagnosis of the servo on a bench."""
+    source = load_problem("servo-bench").source.parent
+    folder = problem_folder(Path("bench"), source, lambda content: content.update(model="servo-bench.xml"))
+    problem = load_problem(folder).with_effects(EFFECTS)
+    (folder / "corrected.toml").write_text(problem.to_toml("servo-bench.xml"))
+    (folder / "diagnosis.json").write_text("{}")
+    return folder
+
+
+def test_the_file_is_a_problem_with_the_servo(gaitopt: Run, bench: Path) -> None:
+    code, out, err = gaitopt("correct", "arcfold", bench, "--out", "mine.toml")
+    assert (code, err) == (0, "")
+    assert "left out: servo_trim: mounting" in out
+    assert out.endswith("wrote mine.toml\n")
+    assert out.count("N m/rad") == 3
+    written = load_problem("mine.toml")
+    assert written.file.effects["servo_gain"]["scale"] == pytest.approx(12.5 / 3.0)
+    assert written.file.effects["servo_stiction"] == {"torque_n_m": 0.01, "target": "all"}
+    assert "servo_trim" not in written.file.effects
+    assert Simulator.build(written).run(written.baselines["square-1s"], duration=0.5).status == "ok"
+    assert {str(path) for path in Path().rglob("mine*")} == {"mine.toml", "mine"}
+    assert [path.name for path in Path("mine").iterdir()] == ["model.xml"]
+
+
+def test_json_is_the_answer_of_the_job(gaitopt: Run, bench: Path, arcfold: Problem) -> None:
+    code, out, err = gaitopt("correct", "arcfold", bench, "--json", "--channel", "foot1=servo")
+    assert (code, err) == (0, "")
+    answer = strictly(out)
+    done = correct_servos(arcfold, bench, channels={"foot1": "servo"})
+    assert done.file is None
+    assert answer == json.loads(json.dumps(done.to_dict())) | {"file": "arcfold-corrected.toml"}
+    assert {row["channel"] for row in answer["rows"]} == {"foot1"}
+    assert {row["figure"]: row["new"] for row in answer["rows"]}["stiction"] == 0.01
+    assert [row["what"] for row in answer["left_out"]] == ["servo_trim"]
+    assert load_problem(answer["file"]).file.effects == answer["effects"]
+
+
+def test_a_file_beside_the_problem_shares_its_model(gaitopt: Run, bench: Path) -> None:
+    robot = problem_folder(Path("robot"), STRIDER)
+    before = {path.name for path in robot.iterdir()}
+    assert gaitopt("correct", robot, bench, "--out", robot / "corrected.toml")[0] == 0
+    assert {path.name for path in robot.iterdir()} == before | {"corrected.toml"}
+    assert load_problem(robot / "corrected.toml").model_path == robot / "strider.xml"
+    assert load_problem(robot).file.effects == {}
+
+
+def test_the_same_command_again_replaces_its_own_files_alone(gaitopt: Run, bench: Path) -> None:
+    assert gaitopt("correct", "arcfold", bench)[0] == 0
+    first = Path("arcfold-corrected.toml").read_bytes()
+    assert gaitopt("correct", "arcfold", bench)[0] == 0
+    assert Path("arcfold-corrected.toml").read_bytes() == first
+    Path("other").mkdir()
+    (Path("other") / "model.xml").write_text("mine")
+    said = "other is not empty; allowed: a new or an empty folder"
+    assert said in refused(gaitopt, "correct", "arcfold", bench, "--out", "other.toml")
+    assert (Path("other") / "model.xml").read_text() == "mine"
+
+
+def test_what_is_read_is_not_overwritten(gaitopt: Run, bench: Path) -> None:
+    robot = problem_folder(Path("robot"), STRIDER)
+    for out in (robot / "problem.toml", robot / "strider.xml"):
+        assert "the command reads it" in refused(gaitopt, "correct", robot, bench, "--out", out)
+    Path("learnt").mkdir()
+    said = refused(gaitopt, "correct", bench, bench / "corrected.toml", "--out", bench / "corrected.toml")
+    assert "bench/corrected.toml: cannot be written: the command reads it" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--out", "gone/mine.toml"), "gone/mine.toml: cannot be written: No such folder"),
+        (("--out", "mine"), "--out: found mine; allowed: a file with a suffix, such as mine.toml"),
+        (("--channel", "foot=servo"), "unknown channel 'foot'; known: mid_act, foot1, foot2 (nearest"),
+    ],
+)
+def test_a_mistake_is_one_line(gaitopt: Run, bench: Path, arguments: tuple[str, ...], said: str) -> None:
+    assert said in refused(gaitopt, "correct", "arcfold", bench, *arguments)
+
+
+def test_a_channel_without_its_servo_is_wrong_usage(gaitopt: Run, bench: Path) -> None:
+    code, _, err = gaitopt("correct", "arcfold", bench, "--channel", "foot1")
+    assert code == 2
+    assert "found 'foot1'; allowed: CHANNEL=BENCH_CHANNEL" in err
+
+
+def test_a_diagnosis_without_a_correction_is_one_line(gaitopt: Run, bench: Path) -> None:
+    (bench / "corrected.toml").unlink()
+    said = "bench: no corrected.toml: the diagnosis found no robot that predicts better"
+    assert said in refused(gaitopt, "correct", "arcfold", bench)
+
+
+def test_an_unknown_effect_in_a_run_is_one_line(gaitopt: Run, bench: Path) -> None:
+    path = bench / "corrected.toml"
+    path.write_text(path.read_text().replace("effects.servo_gain", "effects.servo_gains"))
+    said = refused(gaitopt, "correct", "arcfold", bench)
+    assert "bench/corrected.toml: unknown effect in effects: 'servo_gains'" in said
+    assert "(nearest: 'servo_gain')" in said
+
+
+def test_nothing_is_left_of_a_file_that_cannot_be_written(
+    arcfold: Problem, bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from gaitopt.jobs import correct
+
+    def full(path: Path, text: str) -> None:
+        raise GaitoptError(f"{path}: cannot be written: No space left on device")
+
+    monkeypatch.setattr(correct, "write_text", full)
+    with pytest.raises(GaitoptError, match="No space left"):
+        correct_servos(arcfold, bench, out="mine.toml")
+    assert {path.name for path in Path().iterdir()} == {"bench"}
