@@ -127,7 +127,8 @@ class _Place:
             GaitoptError: there is no such folder, the model's folder holds something else, or it has no name.
         """
         check_replaceable(path)
-        if path.parent.resolve() == problem.source.parent.resolve():
+        home = problem.source.parent
+        if path.parent.resolve() == home.resolve() and problem.model_path.is_relative_to(home):
             return _Place(path, None)
         folder = path.with_suffix("")
         if not path.parent.is_dir():

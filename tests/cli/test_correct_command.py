@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from bench_runs import bench_run
 from commandline import Run, refused, strictly
 from helpers import STRIDER, problem_folder
 
@@ -12,22 +13,11 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.rollout import Simulator
 
-EFFECTS = {
-    "servo_gain": {"scale": 0.5, "target": "all"},
-    "servo_trim": {"offset_rad": 0.05, "target": "servo"},
-    "servo_stiction": {"torque_n_m": 0.01, "target": "servo"},
-}
-
 
 @pytest.fixture
 def bench() -> Path:
     """The run folder of a diagnosis of the servo on a bench."""
-    source = load_problem("servo-bench").source.parent
-    folder = problem_folder(Path("bench"), source, lambda content: content.update(model="servo-bench.xml"))
-    problem = load_problem(folder).with_effects(EFFECTS)
-    (folder / "corrected.toml").write_text(problem.to_toml("servo-bench.xml"))
-    (folder / "diagnosis.json").write_text("{}")
-    return folder
+    return bench_run(Path("bench"))
 
 
 def test_the_file_is_a_problem_with_the_servo(gaitopt: Run, bench: Path) -> None:
@@ -67,6 +57,16 @@ def test_a_file_beside_the_problem_shares_its_model(gaitopt: Run, bench: Path) -
     assert load_problem(robot).file.effects == {}
 
 
+def test_a_robot_in_the_hand_shares_no_model_with_its_file(gaitopt: Run, bench: Path) -> None:
+    held = load_problem("arcfold-held").source
+    Path("held").mkdir()
+    (Path("held") / "problem.toml").write_text(held.read_text())
+    assert gaitopt("correct", "held", bench, "--out", "held/corrected.toml")[0] == 0
+    written = load_problem("held/corrected.toml")
+    assert written.model_path == Path("held/corrected/model.xml")
+    assert Simulator.build(written).models[0].nv == Simulator.build(load_problem("held")).models[0].nv
+
+
 def test_the_same_command_again_replaces_its_own_files_alone(gaitopt: Run, bench: Path) -> None:
     assert gaitopt("correct", "arcfold", bench)[0] == 0
     first = Path("arcfold-corrected.toml").read_bytes()
@@ -83,7 +83,6 @@ def test_what_is_read_is_not_overwritten(gaitopt: Run, bench: Path) -> None:
     robot = problem_folder(Path("robot"), STRIDER)
     for out in (robot / "problem.toml", robot / "strider.xml"):
         assert "the command reads it" in refused(gaitopt, "correct", robot, bench, "--out", out)
-    Path("learnt").mkdir()
     said = refused(gaitopt, "correct", bench, bench / "corrected.toml", "--out", bench / "corrected.toml")
     assert "bench/corrected.toml: cannot be written: the command reads it" in said
 

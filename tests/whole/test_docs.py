@@ -17,6 +17,7 @@ from pathlib import Path
 
 import matplotlib
 import pytest
+from bench_runs import bench_run
 from helpers import brief_studies
 from pictures import needs_opengl
 from planting import dataset, recording_of
@@ -54,6 +55,7 @@ def workplace(
     monkeypatch.setattr(demo, "BUDGET", BUDGET)
     for name in ("arcfold", "arcfold-published"):
         shutil.copytree(quick_folder, name)
+    bench_run(Path("bench"))
     return in_a_folder_of_its_own
 
 
