@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gaitopt.gait.gait import Gait
+from gaitopt.gait.logged import LoggedCommands
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
 from gaitopt.report.figures.style import (
@@ -143,6 +144,19 @@ def commanded(gait: Gait) -> Figure:
         finish(axes, "", "angle [°]", legend=False)
     grid[-1].set_xlabel(f"share of the cycle of {gait.period_s:.3g} s")
     grid[-1].set_xlim(0.0, 1.0)
+    return figure
+
+
+def logged(commands: LoggedCommands) -> Figure:
+    """Draw commands that are held row by row; a gap shows where a servo is unpowered."""
+    ends = np.append(commands.time, commands.duration_s)
+    figure, grid = stacked_panels(len(commands.channels), 0.6 + 1.3 * len(commands.channels))
+    for axes, name, series in zip(grid, commands.channels, np.rad2deg(commands.rows).T, strict=True):
+        axes.step(ends, np.append(series, series[-1]), where="post", color=COLOURS[0])
+        name_panel(axes, name)
+        finish(axes, "", "angle [°]", legend=False)
+    grid[-1].set_xlabel("time [s]")
+    grid[-1].set_xlim(0.0, commands.duration_s)
     return figure
 
 
