@@ -11,6 +11,7 @@ from gaitopt.diagnose.gap.components import LARGEST_SIZE
 from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.split import Split
 from gaitopt.diagnose.gap.where import by_component
+from gaitopt.diagnose.judge.command_experiment import CommandExperiment
 from gaitopt.diagnose.judge.experiment import Experiment
 from gaitopt.diagnose.judge.gap import Gap
 from gaitopt.diagnose.judge.unevenness import UNEVEN
@@ -154,7 +155,21 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
     if isinstance(diagnosis.experiment, Experiment):
         period = diagnosis.experiment.gait.period_s
         sentences.append(f"Measure next: a gait of {period:.2f} s. {what_it_tells(diagnosis.experiment)}")
+    if isinstance(diagnosis.experiment, CommandExperiment):
+        about, told = diagnosis.experiment.chosen.words, what_commands_tell(diagnosis.experiment)
+        sentences.append(f"Play next: a {about}. {told}")
     return sentences
+
+
+def what_commands_tell(found: CommandExperiment) -> str:
+    """Return what the commands are expected to tell, in a sentence or two."""
+    apart = f"by {found.chosen.separation.mean:.1f} floors on average"
+    so_far = f"; the best commands so far: {found.before:.1f}" if found.before else ""
+    if len(found.separates) == 1:
+        return f"They narrow the figures of {found.separates[0]}: they set its robots apart {apart}{so_far}."
+    text = f"They set {', '.join(found.separates)} apart {apart}{so_far}."
+    pairs = "; ".join(" and ".join(pair) for pair in found.inseparable)
+    return text + (f" No commands tell these apart: {pairs}." if pairs else "")
 
 
 def what_it_tells(experiment: Experiment) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,12 +70,12 @@ def next_command_files(problem: Problem, found: CommandExperiment) -> Mapping[st
 
 
 def _facts(problem: Problem, found: CommandExperiment) -> dict[str, object]:
-    played, made = found.played, found.chosen.made
+    played = found.played
     channels = [_channel(problem, played, index) for index in range(len(played.units))]
     head = io.StringIO()
     csv.writer(head, lineterminator="").writerow(["t_s", *played.columns])
     return {
-        "about": f"{made.shape.name} of {math.degrees(made.amplitude_rad):.3g} degrees on {made.channel}",
+        "about": found.chosen.words,
         "separation": found.chosen.separation.mean,
         "before": found.before,
         "separates": found.separates,

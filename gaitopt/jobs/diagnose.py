@@ -14,6 +14,7 @@ from gaitopt.core.progress import OnProgress, silent
 from gaitopt.diagnose import diagnosis as diagnosing
 from gaitopt.diagnose.diagnosis import Diagnosis, DiagnosisRequest
 from gaitopt.diagnose.fit.cache import SimulationCache
+from gaitopt.diagnose.judge.command_experiment import CommandExperiment
 from gaitopt.diagnose.record.dataset import DataSet, load_dataset
 from gaitopt.diagnose.trial_gap import TrialGap
 from gaitopt.diagnose.words import answer, explanation
@@ -212,6 +213,7 @@ def answered_into(
         Stopped: Ctrl-C or SIGTERM ended it, and it can be resumed.
     """
     from gaitopt.diagnose.correction import correct
+    from gaitopt.export.next_commands import write_next_commands
     from gaitopt.report.diagnosis_report import write_diagnosis
 
     cache = question.cache(folder)
@@ -220,6 +222,8 @@ def answered_into(
         problem = question.simulator.problem
         correction = correct(problem, diagnosis, executor if corrected else None)
         cache.keep()  # until the page is written, too
+        if isinstance(diagnosis.experiment, CommandExperiment):
+            write_next_commands(folder, problem, diagnosis.experiment)
         write_diagnosis(folder, problem, diagnosis, correction, full)
         cache.clear()
     return diagnosis

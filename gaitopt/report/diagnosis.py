@@ -9,7 +9,7 @@ from pathlib import Path
 from gaitopt.core.quantities import figure
 from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis
-from gaitopt.diagnose.judge.experiment import Experiment
+from gaitopt.diagnose.judge.command_experiment import CommandExperiment
 from gaitopt.diagnose.trial_gap import TrialGap
 from gaitopt.diagnose.words import answer, explanation, has_log, shown_gap, what_it_tells
 from gaitopt.problem.problem import Problem
@@ -18,6 +18,7 @@ from gaitopt.report.diagnosis_of_logs import gaits_of, log_sections, logs_text
 from gaitopt.report.figures import diagnosis as diagnosis_plots
 from gaitopt.report.figures import gait as gait_plots
 from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
+from gaitopt.report.next_commands import next_commands_sections
 from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.tables import gait_table
 from gaitopt.report.words import robot_text
@@ -225,7 +226,9 @@ def _worst(trial: TrialGap) -> float:
 
 def _next_sections(folder: Path, diagnosis: Diagnosis) -> list[Section]:
     experiment = diagnosis.experiment
-    if not isinstance(experiment, Experiment):
+    if isinstance(experiment, CommandExperiment):
+        return next_commands_sections(folder, experiment)
+    if experiment is None:
         return []
     picture = Picture(
         "What to measure next",

@@ -7,7 +7,9 @@ from functools import partial
 from pathlib import Path
 
 from gaitopt.core.quantities import figure
-from gaitopt.diagnose.judge.command_experiment import COMMANDS_FILE, CommandExperiment, ScoredCommands
+from gaitopt.diagnose.judge.command_experiment import COMMANDS_FILE, CommandExperiment
+from gaitopt.diagnose.judge.command_search import ScoredCommands
+from gaitopt.diagnose.words import what_commands_tell
 from gaitopt.report.figures import gait as gait_plots
 from gaitopt.report.page import Picture, Section, Table, save_figures
 
@@ -21,23 +23,11 @@ def next_commands_sections(folder: Path, found: CommandExperiment) -> list[Secti
     picture = Picture(
         "What to play next",
         partial(gait_plots.logged, found.played.commands),
-        f"The commands in {COMMANDS_FILE}. {what_they_tell(found)} Play them (next-player/), add the "
+        f"The commands in {COMMANDS_FILE}. {what_commands_tell(found)} Play them (next-player/), add the "
         "recording to the data set, and diagnose again.",
     )
     section = Section("The next commands", sentences=found.remarks, table=_table(found))
     return [*save_figures(folder, {"next": picture}), section]
-
-
-def what_they_tell(found: CommandExperiment) -> str:
-    """Return what the commands are expected to tell, in a sentence or two."""
-    apart = f"by {figure(found.chosen.separation.mean)} floors on average"
-    so_far = f"; the best commands so far: {figure(found.before)}" if found.before else ""
-    if len(found.separates) == 1:
-        only = found.separates[0]
-        return f"They set robots that all have {only} apart {apart}{so_far}, and narrow its figures."
-    text = f"They set {', '.join(found.separates)} apart {apart}{so_far}."
-    pairs = "; ".join(" and ".join(pair) for pair in found.inseparable)
-    return text + (f" No commands tell these apart: {pairs}." if pairs else "")
 
 
 def _table(found: CommandExperiment) -> Table:

@@ -19,8 +19,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from players import HERE, MICROPYTHON, run, tool
 
-from gaitopt.diagnose.judge.command_experiment import CommandExperiment, ScoredCommands, travel_of
+from gaitopt.diagnose.judge.command_experiment import CommandExperiment
 from gaitopt.diagnose.judge.command_score import Separation
+from gaitopt.diagnose.judge.command_search import ScoredCommands, travel_of
 from gaitopt.diagnose.record.commands import read_commands
 from gaitopt.export.command_player import CommandPlayer
 from gaitopt.export.next_commands import next_command_files, write_next_commands

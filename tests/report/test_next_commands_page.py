@@ -8,13 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gaitopt.diagnose.judge.command_experiment import CommandExperiment, ScoredCommands
+from gaitopt.diagnose.judge.command_experiment import CommandExperiment
 from gaitopt.diagnose.judge.command_score import Separation
+from gaitopt.diagnose.judge.command_search import ScoredCommands
+from gaitopt.diagnose.words import what_commands_tell
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.command_shapes import SHAPES, Size, Travel, shaped
 from gaitopt.gait.played_commands import PlayedCommands
 from gaitopt.report.figures import gait as gait_figures
-from gaitopt.report.next_commands import next_commands_sections, what_they_tell
+from gaitopt.report.next_commands import next_commands_sections
 
 
 def scored(shape: str) -> ScoredCommands:
@@ -52,7 +54,9 @@ def test_a_page_shows_the_commands_and_the_runners_up(found: CommandExperiment) 
 
 def test_one_explanation_is_narrowed(found: CommandExperiment) -> None:
     one = replace(found, separates=("stiction",), inseparable=())
-    assert what_they_tell(one).startswith("They set robots that all have stiction apart by 4.2 floors")
+    assert what_commands_tell(one).startswith(
+        "They narrow the figures of stiction: they set its robots apart by 4.2"
+    )
 
 
 def test_a_plot_of_commands_has_a_gap_where_the_servo_is_unpowered(found: CommandExperiment) -> None:

@@ -1,30 +1,32 @@
 """What to play next on a bench: the commands that would leave the least probability on wrong alternatives.
 
-Shapes, sizes and channels are tried on the robot of every alternative: a coarse grid first, then sizes near
-the best ones. Where all alternatives are one explanation with other parameters, such as robots drawn from
-its posterior, the commands that set these robots apart most are those that narrow its parameters.
+Shapes, sizes and channels are tried on the robot of every alternative. An explanation that only adds to a
+more probable one what no commands show is no alternative to it. Where one explanation is left, the commands
+narrow its parameters: they set its robots apart. These are robots drawn from its posterior where there are
+some, else robots that have one parameter each a little larger.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import Stream
 from gaitopt.diagnose.judge.command_score import CommandScorer, Separation
+from gaitopt.diagnose.judge.command_search import CommandSearch, ScoredCommands, best_of_each, travel_of
 from gaitopt.diagnose.judge.command_settings import COMMANDS, CommandSettings
 from gaitopt.diagnose.judge.small_errors import perturbed_robots
+from gaitopt.effects import EFFECTS
 from gaitopt.effects.active import Values
-from gaitopt.gait.command_shapes import SHAPES, ShapedCommands, Size, Travel, shaped
+from gaitopt.effects.parts import Parts
 from gaitopt.gait.drive import Drive
 from gaitopt.gait.logged import LoggedCommands
 from gaitopt.gait.played_commands import PlayedCommands
-from gaitopt.problem.problem import Problem
-from gaitopt.problem.start import start_targets
 from gaitopt.simulation.rollout import Simulator
 
 COMMANDS_FILE = "next.csv"
@@ -45,32 +47,6 @@ class Alternative:
     label: str
     probability: float
     effects: Mapping[str, Values]
-
-
-@dataclass(frozen=True)
-class ScoredCommands:
-    """Commands, and how far they set alternatives apart.
-
-    Attributes:
-        made: the commands, with their shape and size.
-        played: the same as a player sends them.
-        separation: how far the alternatives are apart.
-    """
-
-    made: ShapedCommands
-    played: PlayedCommands
-    separation: Separation
-
-    def to_dict(self) -> dict[str, object]:
-        """Return a row of ``runners_up``."""
-        return {
-            "shape": self.made.shape.name,
-            "channel": self.made.channel,
-            "amplitude_deg": round(float(np.rad2deg(self.made.amplitude_rad)), 3),
-            "duration_s": self.played.commands.duration_s,
-            "expected_separation": self.separation.mean,
-            "doubt": self.separation.doubt,
-        }
 
 
 @dataclass(frozen=True)
@@ -127,7 +103,7 @@ def propose_commands(
     seed: int = 1,
     settings: CommandSettings = COMMANDS,
 ) -> CommandExperiment | None:
-    """Return the commands that set alternatives apart best; None if there are none to set apart.
+    """Return the commands that set alternatives apart best; None if there is nothing to set apart.
 
     Args:
         simulator: the nominal robot, whose channels are commanded.
@@ -141,149 +117,149 @@ def propose_commands(
     Raises:
         GaitoptError: a floor or a probability is not positive, or an effect of an alternative is wrong.
     """
+    _check(alternatives, floors)
+    likely = _likely(alternatives, settings)
+    if not likely or not floors:
+        return None
+    known = frozenset(one.commands_key for one in measured if isinstance(one, LoggedCommands))
+    problem = simulator.problem
+    search = CommandSearch(problem, travel_of(problem), known, seed, settings)
+    contest = _Contest(simulator, search, measured, floors, executor)
+    if len({one.label for one in likely}) > 1:
+        experiment = contest.held(likely)
+        if experiment is not None:
+            return experiment
+    same = [one for one in likely if one.label == likely[0].label]
+    return contest.held(
+        same if len(same) > 1 else [*same, *_varied(same[0], simulator.effects.nominal, settings)]
+    )
+
+
+def _check(alternatives: Sequence[Alternative], floors: Mapping[str, float]) -> None:
     for signal, floor in floors.items():
         if not (np.isfinite(floor) and floor > 0.0):
             raise GaitoptError(f"floor of {signal}: found {floor:g}; allowed: a positive number")
     if any(one.probability <= 0.0 for one in alternatives):
         raise GaitoptError("alternatives: found a probability of 0 or less; allowed: positive ones")
-    likely = sorted(alternatives, key=lambda one: -one.probability)[: settings.alternatives]
-    if len(likely) < 2 or not floors:
-        return None
-    problem = simulator.problem
-    scorer = _scorer(simulator, likely, floors, executor, seed, settings)
-    search = _Search(problem, travel_of(problem), scorer, seed, settings)
-    known = {one.commands_key for one in measured if isinstance(one, LoggedCommands)}
-    found = search.run(known)
-    if not found:
-        return None
-    so_far = [one for one in scorer.separations(list(measured)) if one is not None]
-    labels = [one.label for one in likely]
-    chosen, *others = _best_of_each(found)
-    return CommandExperiment(
-        chosen,
-        tuple(others[: settings.runners_up]),
-        tuple(dict.fromkeys(labels)),
-        max((one.mean for one in so_far), default=0.0),
-        _inseparable(labels, [*(one.separation for one in found), *so_far]),
-        dict(zip(problem.channel_names, np.rad2deg(search.travel.speeds).tolist(), strict=True)),
-    )
 
 
-def travel_of(problem: Problem) -> Travel:
-    """Return how far and how fast commands may move a problem's servos.
+def _likely(alternatives: Sequence[Alternative], settings: CommandSettings) -> list[Alternative]:
+    """Return the alternatives that count, the most probable first."""
+    ranked = sorted(alternatives, key=lambda one: -one.probability)[: settings.alternatives]
+    return [one for one in ranked if one.probability >= settings.least_probability * ranked[0].probability]
 
-    The range is the channel's, and where its servo is calibrated also what pulses the servo takes.
-    """
-    ranges, speeds = [], []
-    for bounds in problem.file.channels.values():
-        low, high = bounds.range_deg
-        if bounds.servo.is_calibrated:
-            least, most = bounds.servo.range_deg
-            low, high = max(low, least), min(high, most)
-        ranges.append((low, max(low, high)))
-        speeds.append(bounds.servo.speed_limit_deg_s)
-    span = np.deg2rad(ranges)
-    rest = np.clip(start_targets(problem), *span.T)
-    return Travel(tuple(problem.channel_names), rest, span, np.deg2rad(speeds))
+
+def _varied(one: Alternative, nominal: Parts, settings: CommandSettings) -> Iterator[Alternative]:
+    """Yield robots of an explanation that have one parameter each a little larger."""
+    for name, values in one.effects.items():
+        effect = EFFECTS[name]
+        low, high = effect.bounds(nominal)
+        value = float(values[effect.parameter])
+        size = abs(value) if effect.scale == "log" else max(abs(value), settings.step * (high - low))
+        larger = value + settings.step * size
+        if np.isfinite(larger) and effect.allows(larger):
+            changed = {**one.effects, name: {**values, effect.parameter: larger}}
+            yield replace(one, effects=changed)
 
 
 @dataclass(frozen=True)
-class _Search:
-    """A search among shapes, sizes and channels."""
+class _Contest:
+    """What alternatives compete in.
 
-    problem: Problem
-    travel: Travel
-    scorer: CommandScorer
-    seed: int
-    settings: CommandSettings
+    Attributes:
+        simulator: the nominal robot.
+        search: how commands are searched.
+        measured: the drives of the trials so far.
+        floors: noise of each signal.
+        executor: where robots are simulated.
+    """
 
-    def run(self, known: set[str]) -> list[ScoredCommands]:
-        """Return commands that are not known yet with their separations, the best first."""
-        keys = set(known)
-        found = self._scored(self._coarse(), keys)
-        best = _best_of_each(found)[: self.settings.finalists]
-        found += self._scored([made for one in best for made in self._near(one.made)], keys)
-        return sorted(found, key=_rank)
+    simulator: Simulator
+    search: CommandSearch
+    measured: Sequence[Drive]
+    floors: Mapping[str, float]
+    executor: Executor
 
-    def _coarse(self) -> Iterator[ShapedCommands | None]:
-        """Yield commands of every shape and some sizes, for each channel, and for all of them together."""
-        count = len(self.problem.channel_names)
-        several = [tuple(range(count))] if count > 1 else []
-        for moving in [*((index,) for index in range(count)), *several]:
-            for shape in SHAPES:
-                for time_s in shape.times_s[: 1 if several else None]:
-                    for share in self.settings.shares:
-                        for signed in (share,) if shape.both_sides else (share, -share):
-                            yield shaped(shape, Size(signed, time_s, moving), self.travel, self.seed)
+    def held(self, robots: Sequence[Alternative]) -> CommandExperiment | None:
+        """Return the best commands for some robots; None where nothing sets their explanations apart."""
+        if len(robots) < 2:
+            return None
+        labels = [one.label for one in robots]
+        scorer = self._scorer(robots)
+        coarse = self.search.coarse(scorer)
+        drives = {one.key: one for one in self.measured}
+        so_far = [one for one in scorer.separations(list(drives.values())) if one is not None]
+        if not coarse:
+            return None
+        groups = _groups(robots, [*(one.separation for one in coarse), *so_far])
+        others = scorer.others & (groups[:, None] != groups[None, :])
+        explanations = tuple(dict.fromkeys(labels[i] for i in groups.tolist()))
+        if len(explanations) < min(2, len(set(labels))):
+            return None
+        masked = [replace(one, separation=replace(one.separation, others=others)) for one in coarse]
+        found = self.search.refined(replace(scorer, others=others), masked)
+        chosen, *rest = best_of_each(found)
+        travel = self.search.travel
+        return CommandExperiment(
+            chosen,
+            tuple(rest[: self.search.settings.runners_up]),
+            explanations,
+            max((replace(one, others=others).mean for one in so_far), default=0.0),
+            _inseparable(labels, others, [*(one.separation for one in found), *so_far]),
+            dict(zip(travel.channels, np.rad2deg(travel.speeds).tolist(), strict=True)),
+        )
 
-    def _near(self, made: ShapedCommands) -> Iterator[ShapedCommands | None]:
-        """Yield commands of one shape with other amplitudes, times and draws."""
-        size = made.size
-        for draw, factor in enumerate(self.settings.factors, start=1):
-            share = float(np.clip(factor * size.share, -self.settings.largest, self.settings.largest))
-            yield shaped(made.shape, replace(size, share=share), self.travel, self.seed)
-            yield shaped(
-                made.shape, replace(size, time_s=factor * size.time_s, draw=draw), self.travel, self.seed
-            )
-
-    def _scored(self, tried: Iterable[ShapedCommands | None], keys: set[str]) -> list[ScoredCommands]:
-        """Return commands with their separations, without those whose keys are known."""
-        servos = {name: bounds.servo for name, bounds in self.problem.file.channels.items()}
-        fresh: list[tuple[ShapedCommands, PlayedCommands]] = []
-        for made in tried:
-            played = None if made is None else PlayedCommands.of(made.commands, servos)
-            if made is not None and played is not None and played.commands.commands_key not in keys:
-                keys.add(played.commands.commands_key)
-                fresh.append((made, played))
-        separations = self.scorer.separations([played.commands for _, played in fresh])
-        rows = zip(fresh, separations, strict=True)
-        return [ScoredCommands(*pair, apart) for pair, apart in rows if apart is not None]
-
-
-def _scorer(
-    simulator: Simulator,
-    likely: Sequence[Alternative],
-    floors: Mapping[str, float],
-    executor: Executor,
-    seed: int,
-    settings: CommandSettings,
-) -> CommandScorer:
-    """Return what scores commands, with robots perturbed about the first alternative of each explanation."""
-    problem = simulator.problem
-    robots = [
-        Simulator.build(problem.with_effects(one.effects), fidelity=simulator.fidelity) for one in likely
-    ]
-    prior = np.array([one.probability for one in likely])
-    labels = [one.label for one in likely]
-    others = np.array(labels)[:, None] != np.array(labels)[None, :]
-    if not others.any():  # one explanation: its robots are to be set apart
-        others = ~np.eye(len(likely), dtype=bool)
-    leaders = [labels.index(label) for label in dict.fromkeys(labels)][: settings.leaders]
-    perturbed = [
-        (index, robot)
-        for index in leaders
-        for robot in perturbed_robots(robots[index], seed, settings.robots, Stream.EXPERIMENT_ROBOTS)
-    ]
-    return CommandScorer(robots, perturbed, prior / prior.sum(), others, floors, executor, settings)
+    def _scorer(self, robots: Sequence[Alternative]) -> CommandScorer:
+        """Return what scores commands, with robots perturbed about the first of each explanation."""
+        settings, nominal = self.search.settings, self.simulator
+        simulators = [
+            Simulator.build(nominal.problem.with_effects(one.effects), fidelity=nominal.fidelity)
+            for one in robots
+        ]
+        prior = np.array([one.probability for one in robots])
+        labels = [one.label for one in robots]
+        others = np.array(labels)[:, None] != np.array(labels)[None, :]
+        if not others.any():  # one explanation: its robots are to be set apart
+            others = ~np.eye(len(robots), dtype=bool)
+        leaders = [labels.index(label) for label in dict.fromkeys(labels)][: settings.leaders]
+        seed, stream = self.search.seed, Stream.EXPERIMENT_ROBOTS
+        perturbed = [
+            (index, robot)
+            for index in leaders
+            for robot in perturbed_robots(simulators[index], seed, settings.robots, stream)
+        ]
+        return CommandScorer(
+            simulators, perturbed, prior / prior.sum(), others, self.floors, self.executor, settings
+        )
 
 
-def _best_of_each(found: Sequence[ScoredCommands]) -> list[ScoredCommands]:
-    """Return the best commands of each shape, channel and side, the best first."""
-    best: dict[tuple[str, str, bool], ScoredCommands] = {}
-    for one in sorted(found, key=_rank):
-        best.setdefault((one.made.shape.name, one.made.channel, one.made.size.share > 0.0), one)
-    return list(best.values())
+def _groups(robots: Sequence[Alternative], separations: Sequence[Separation]) -> NDArray[np.int_]:
+    """Return for each robot the index of the first that explains the same, shape (robots,).
+
+    An explanation that only adds effects to another, or leaves some out, explains the same where no commands
+    show the difference.
+    """
+    widest = np.max([one.distances for one in separations], axis=0)
+    names = [set(one.effects) for one in robots]
+    groups = list(range(len(robots)))
+    for i, one in enumerate(names):
+        same = [j for j in range(i) if (one < names[j] or names[j] < one) and widest[i, j] < 1.0]
+        if same:
+            groups[i] = groups[same[0]]
+    return np.array(groups)
 
 
-def _rank(one: ScoredCommands) -> tuple[float, float]:
-    """Return what is small for good commands: doubt first; where that is as good as none, the distance."""
-    return round(one.separation.doubt, 4), -one.separation.mean
-
-
-def _inseparable(labels: Sequence[str], separations: Sequence[Separation]) -> tuple[tuple[str, str], ...]:
+def _inseparable(
+    labels: Sequence[str], others: NDArray[np.bool_], separations: Sequence[Separation]
+) -> tuple[tuple[str, str], ...]:
     """Return each two explanations of which some robots are closer than a floor on all commands."""
     widest = np.max([one.distances for one in separations], axis=0)
-    close = [(labels[j], labels[i]) for i in range(len(labels)) for j in range(i) if widest[i, j] < 1.0]
+    close = [
+        (labels[j], labels[i])
+        for i in range(len(labels))
+        for j in range(i)
+        if others[i, j] and widest[i, j] < 1.0
+    ]
     return tuple({frozenset(pair): pair for pair in close if pair[0] != pair[1]}.values())
 
 

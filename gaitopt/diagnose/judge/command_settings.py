@@ -16,6 +16,8 @@ class CommandSettings:
         largest: largest share of the room.
         finalists: the best commands near which others are tried, each of another shape or channel.
         alternatives: robots that count, at most, the most probable ones.
+        least_probability: and they are at least this probable, relative to the first.
+        step: relative change of a parameter that commands are to show, where one explanation is left.
         motion_share: floor that grows with the motion, as a share of its RMS: repeats of a command on a bench
             with a hobby servo differ by 1 to 5 % of it.
         leaders: explanations about which robots are perturbed, at most: a command is worth little where small
@@ -31,6 +33,8 @@ class CommandSettings:
     largest: float = 0.9
     finalists: int = 3
     alternatives: int = 8
+    least_probability: float = 0.01
+    step: float = 0.1
     motion_share: float = 0.03
     leaders: int = 2
     robots: int = 2

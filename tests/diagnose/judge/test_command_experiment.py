@@ -19,9 +19,9 @@ from gaitopt.diagnose.judge.command_experiment import (
     Alternative,
     CommandExperiment,
     propose_commands,
-    travel_of,
 )
 from gaitopt.diagnose.judge.command_score import Separation
+from gaitopt.diagnose.judge.command_search import travel_of
 from gaitopt.diagnose.judge.command_settings import CommandSettings
 from gaitopt.diagnose.record.commands import read_commands
 from gaitopt.effects.active import Values
@@ -134,8 +134,33 @@ def test_one_explanation_is_narrowed_by_its_robots(simulator: Simulator) -> None
     assert found.inseparable == ()
 
 
+def test_without_draws_a_parameter_is_made_a_little_larger(simulator: Simulator) -> None:
+    found = proposed(simulator, [WEAK])
+    assert found.separates == ("torque limit",)
+    assert abs(found.chosen.made.amplitude_rad) > 0.5
+    assert found.chosen.separation.distances.shape == (2, 2)
+
+
+@pytest.mark.slow
+def test_what_adds_nothing_that_commands_show_is_no_alternative(simulator: Simulator) -> None:
+    """A servo that is weak, and late by a microsecond."""
+    late = Alternative("both", 0.3, {**WEAK.effects, "command_latency": {"delay_s": 1e-6}})
+    found = proposed(simulator, [WEAK, late])
+    assert found.separates == ("torque limit",)
+    assert found.inseparable == ()
+    with_a_rival = proposed(simulator, [WEAK, late, DEAD])
+    assert with_a_rival.separates == ("torque limit", "dead band")
+    assert with_a_rival.inseparable == ()
+
+
+def test_what_is_most_improbable_does_not_count(simulator: Simulator) -> None:
+    unlikely = replace(DEAD, probability=1e-9)
+    assert proposed(simulator, [NONE, WEAK, unlikely]).separates == ("none", "torque limit")
+
+
 def test_nothing_to_set_apart_needs_no_commands(simulator: Simulator) -> None:
-    assert propose_commands(simulator, [WEAK], [], FLOORS, SerialExecutor()) is None
+    assert propose_commands(simulator, [NONE], [], FLOORS, SerialExecutor()) is None
+    assert propose_commands(simulator, [], [], FLOORS, SerialExecutor()) is None
     assert propose_commands(simulator, [NONE, WEAK], [], {}, SerialExecutor()) is None
 
 
