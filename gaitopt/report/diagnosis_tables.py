@@ -218,5 +218,5 @@ _OF_OTHERS = (
 def _amount(value: float, unit: str) -> str:
     """Return a length in mm or an angle in degrees; a value that rounds to zero is 0."""
     scaled, shown = (1e3 * value, " mm") if unit == "m" else (math.degrees(value), "°")
-    text = figure(scaled) if abs(scaled) >= 0.01 else f"{scaled:.3f}"
+    text = figure(scaled) if unit == "m" or abs(scaled) >= 0.01 else f"{scaled:.3f}"
     return f"{text if abs(scaled) >= 5e-3 else '0'}{shown}"
