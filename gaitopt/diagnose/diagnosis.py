@@ -26,7 +26,7 @@ from gaitopt.diagnose.judge.command_experiment import Alternative, CommandExperi
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.experiment import Experiment, propose
 from gaitopt.diagnose.judge.find_causes import NominalGap, find_causes
-from gaitopt.diagnose.judge.gap import Gap, shrinkage
+from gaitopt.diagnose.judge.gap import Gap, GapMeter, shrinkage
 from gaitopt.diagnose.judge.settings import DEFAULT, DiagnosisSettings
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import DataSet
@@ -54,7 +54,7 @@ class DiagnosisRequest:
 
 @dataclass(frozen=True)
 class GapOfTrial:
-    """The marker's gap in one trial, held out, nominal and with the cause that was found."""
+    """The marker's or the angles' gap in one trial, held out, nominal and with the cause that was found."""
 
     trial: str
     gap: Gap
@@ -62,6 +62,10 @@ class GapOfTrial:
     def to_dict(self) -> dict[str, object]:
         """Return a row of ``gap_by_trial`` in ``diagnosis.json``."""
         return {"trial": self.trial} | self.gap.to_dict()
+
+    def to_dict_in_rad(self) -> dict[str, object]:
+        """Return a row of ``gap_angles_by_trial`` in ``diagnosis.json``."""
+        return {"trial": self.trial} | _in_rad(self.gap)
 
 
 @dataclass(frozen=True)
@@ -124,6 +128,8 @@ class Diagnosis:
         rows = []
         for index, trial in enumerate(self.trials):
             gap = self.found.gap_of_trial(index, marker_floor(trial.floors)) if self.found else None
+            if trial.aligned.trial.drive.period_s is None and not any(map(is_position, trial.floors)):
+                continue
             if gap is not None:
                 rows.append(GapOfTrial(trial.name, gap))
         return rows
@@ -159,6 +165,22 @@ class Diagnosis:
         end = math.nan if known is None else known
         return Gap(gap, gap, floor, (end, end))
 
+    @cached_property
+    def gap_angles_by_trial(self) -> list[GapOfTrial]:
+        """The same of each trial of logged commands; none where nothing was fitted."""
+        found = self.found
+        if found is None or found.gap_angles is None or found.best is None:
+            return []
+        draws = found.judgement.settings.evidence.gap_draws
+        meter = GapMeter(found.trial_set, found.nominal, found.seed, draws)
+        rows = []
+        for index, trial in enumerate(self.trials):
+            angles = [floor.total**2 for name, floor in trial.floors.items() if not is_position(name)]
+            if angles and trial.aligned.trial.drive.period_s is None:
+                gap = meter.measure_angles(found.best, math.sqrt(float(np.mean(angles))), index)
+                rows.append(GapOfTrial(trial.name, gap))
+        return rows
+
     @property
     def measures_positions(self) -> bool:
         """Whether the marker or another site was measured; otherwise the gap is one of angles alone."""
@@ -187,8 +209,9 @@ class Diagnosis:
             "misfit_trials": self.found.misfit_trials if self.found else {},
             "where": [share.to_dict() for share in self.where],
             "gap": self.gap.to_dict(),
-            "gap_angles": _in_rad(self.gap_angles),
+            "gap_angles": _in_rad(self.gap_angles) if self.gap_angles else None,
             "gap_by_trial": [gap.to_dict() for gap in self.gap_by_trial],
+            "gap_angles_by_trial": [gap.to_dict_in_rad() for gap in self.gap_angles_by_trial],
             "next_experiment": self.experiment.to_dict() if self.experiment else None,
             "trials": [trial.to_dict() for trial in self.trials],
             "defects": [defect.to_dict() for trial in self.trials for defect in trial.defects],
@@ -296,10 +319,8 @@ def locate(
     return Diagnosis(name, source, seed, simulator.fidelity, tuple(gaps))
 
 
-def _in_rad(gap: Gap | None) -> dict[str, object] | None:
+def _in_rad(gap: Gap) -> dict[str, object]:
     """Return ``gap_angles`` of ``diagnosis.json``."""
-    if gap is None:
-        return None
     return {
         "heldout_before_rad": gap.before,
         "heldout_after_rad": gap.after,

@@ -15,6 +15,7 @@ from gaitopt.diagnose.words import answer, explanation, has_log, shown_gap, what
 from gaitopt.problem.problem import Problem
 from gaitopt.report import diagnosis_tables as tables
 from gaitopt.report.diagnosis_of_logs import gaits_of, log_sections, logs_text
+from gaitopt.report.diagnosis_of_logs import shrinkage as shrinkage_of_logs
 from gaitopt.report.figures import diagnosis as diagnosis_plots
 from gaitopt.report.figures import gait as gait_plots
 from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
@@ -61,6 +62,7 @@ def write_page(
         sections=[
             *_with_table("Which effect", tables.effects(diagnosis)),
             *_with_table("How far the gap shrinks", tables.shrinkage(diagnosis)),
+            *_with_table("How far the gap of the angles shrinks", shrinkage_of_logs(diagnosis)),
             *save_figures(folder, _cause_pictures(diagnosis)),
             *film.sections,
             *save_figures(folder, _trial_pictures(diagnosis, correction)),

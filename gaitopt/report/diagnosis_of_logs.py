@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -9,12 +11,13 @@ from gaitopt.core.quantities import figure
 from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.gap.align import Aligned
+from gaitopt.diagnose.judge.gap import Gap
 from gaitopt.diagnose.record.defect import counted
 from gaitopt.diagnose.trial_gap import TrialGap
 from gaitopt.diagnose.words import has_log
 from gaitopt.report.figures import logs as plots
 from gaitopt.report.figures.logs import Repeats
-from gaitopt.report.page import Picture, Section, folded, save_figures
+from gaitopt.report.page import Picture, Section, Table, folded, save_figures
 
 _OPEN = 3
 """Logs whose figures are open; those of the others open on request."""
@@ -70,8 +73,17 @@ def log_sections(folder: Path, diagnosis: Diagnosis, correction: Correction | No
         return []
     signals = list(dict.fromkeys(name for repeats in logs for name in repeats.signals))
     best = diagnosis.found.best if diagnosis.found else None
-    with_it = f" and with {best.label} (orange)" if best and correction and correction.trials else ""
+    with_it = " and corrected (orange)" if best and correction and correction.trials else ""
     pictures = {}
+    rows = _held_out(diagnosis, logs)
+    if rows:
+        pictures["corrected-angles"] = Picture(
+            "The gap of the angles before and after",
+            partial(plots.held_out, rows),
+            "RMS error of the angles under each log, the mean of its repeats: for the nominal robot, and for "
+            "one with the most probable effects that was fitted without this log. The floor is the error "
+            "that a right model leaves.",
+        )
     for number, signal in enumerate(signals if len(logs) > 1 else []):
         pictures[_numbered("logs", number)] = Picture(
             f"Commanded, measured and simulated: {signal}",
@@ -102,6 +114,45 @@ def log_sections(folder: Path, diagnosis: Diagnosis, correction: Correction | No
     }
     drawn = save_figures(folder, details)
     return [*sections, *drawn[:_OPEN], *map(folded, drawn[_OPEN:])]
+
+
+def shrinkage(diagnosis: Diagnosis) -> Table | None:
+    """Return the gap of the angles before and after, log by log; None where nothing was fitted to them."""
+    rows, whole = _held_out(diagnosis, repeats_of(diagnosis)), diagnosis.gap_angles
+    if not rows or whole is None:
+        return None
+    low, high = whole.ci90
+    known = math.isfinite(low) and math.isfinite(high)
+    interval = f" ({low:.0%} to {high:.0%})" if known else ""
+    return Table(
+        head=["log", "before, °", "after, °", "floor, °", "gap removed (90 %)"],
+        rows=[
+            *(_shrinkage_row(name, gap) for name, gap in rows),
+            _shrinkage_row("all recordings", whole, interval),
+        ],
+        note="RMS error of the angles with the most probable effects, fitted without the log of the row. Gap "
+        "removed: share of what is above the floor. A dash: nothing is above the floor.",
+    )
+
+
+def _shrinkage_row(name: str, gap: Gap, interval: str = "") -> list[str]:
+    degrees = [figure(math.degrees(value)) for value in (gap.before, gap.after, gap.floor)]
+    return [name, *degrees, "–" if gap.shrinkage is None else f"{gap.shrinkage:.0%}{interval}"]
+
+
+def _held_out(diagnosis: Diagnosis, logs: Sequence[Repeats]) -> list[tuple[str, Gap]]:
+    """Return the gap of the angles under each log, held out, as the mean of its repeats; rad."""
+    known = {row.trial: row.gap for row in diagnosis.gap_angles_by_trial}
+    rows = []
+    for repeats in logs:
+        gaps = [known[trial.name] for trial in repeats.trials if trial.name in known]
+        if gaps:
+            before, after, floor = (
+                math.sqrt(sum(value**2 for value in values) / len(gaps))
+                for values in zip(*((gap.before, gap.after, gap.floor) for gap in gaps), strict=True)
+            )
+            rows.append((repeats.short_name, Gap(before, after, floor, (math.nan, math.nan))))
+    return rows
 
 
 def _numbered(name: str, number: int) -> str:

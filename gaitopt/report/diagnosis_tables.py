@@ -62,7 +62,7 @@ def probability(value: float) -> str:
 
 def shrinkage(diagnosis: Diagnosis) -> Table | None:
     """Return the gap before and after, trial by trial; None where nothing was fitted."""
-    if not diagnosis.gap_by_trial or not diagnosis.measures_positions:
+    if not diagnosis.gap_by_trial:
         return None
     rows = [*diagnosis.gap_by_trial, GapOfTrial("all trials", diagnosis.gap)]
     return Table(

@@ -15,9 +15,10 @@ from pages import page_of
 from planting import dataset, recording_of
 
 from gaitopt.diagnose.correction import Correction
-from gaitopt.diagnose.diagnosis import Diagnosis
+from gaitopt.diagnose.diagnosis import Diagnosis, GapOfTrial
 from gaitopt.diagnose.gap.align import align
 from gaitopt.diagnose.gap.predict import predict
+from gaitopt.diagnose.judge.gap import Gap
 from gaitopt.diagnose.words import answer
 from gaitopt.gait.logged import LoggedCommands
 from gaitopt.problem.problem import Problem
@@ -91,10 +92,22 @@ def test_what_the_corrected_robot_leaves_is_drawn(
         [line for line in below.lines if line.get_linestyle() == style] for style in ("--", "-")
     )
     assert len(nominal) == len(corrected) == 2
-    before, after = (
-        max(np.abs(np.asarray(line.get_ydata())).max() for line in lines) for lines in (nominal, corrected)
-    )
-    assert after < 0.3 * before
+    for line, after in zip(corrected, step.after, strict=True):
+        np.testing.assert_allclose(line.get_ydata(), np.rad2deg(after.residual[SIGNAL]))
+
+
+def test_the_gap_of_each_log_before_and_after_is_drawn_and_told(
+    arm: Problem, diagnosis: Diagnosis, tmp_path: Path
+) -> None:
+    fitted = replace(diagnosis)
+    gap = Gap(np.deg2rad(3.0), np.deg2rad(0.5), np.deg2rad(0.25), (0.8, 1.0))
+    vars(fitted)["gap_angles_by_trial"] = [GapOfTrial(trial.name, gap) for trial in diagnosis.trials]
+    write_page(tmp_path / "run", arm, fitted)
+    page = page_of(tmp_path / "run", FIGURES | {"corrected-angles"})
+    row = "<td>step-1 (×2)</td><td>3</td><td>0.5</td><td>0.25</td><td>91\u00a0%</td>"
+    assert row in page
+    axes = plots.held_out([("step", gap), ("ramp", gap)]).axes[0]
+    assert [round(patch.get_width(), 6) for patch in axes.patches] == [3.0, 3.0, 0.5, 0.5]
 
 
 def test_repeats_are_drawn_over_one_another(diagnosis: Diagnosis) -> None:

@@ -32,6 +32,9 @@ from gaitopt.report.figures.style import (
 from gaitopt.report.letters import WIDEST_IN_LEGEND, drawable
 from gaitopt.robot.signals import is_position, name_of
 
+_LONG = 32
+"""Letters of a name beside which little is left for the label of an axis."""
+
 _SHOWN = 12
 """Candidates in the ranking."""
 
@@ -137,6 +140,9 @@ def ranking(found: Causes) -> Figure:
     axes.axvline(1.0, color="k", lw=1.0, ls="--")
     axes.margins(y=0.02)
     finish(axes, "error left on held-out data [1 = a right model]", "", legend=False)
+    if max(map(len, names)) > _LONG:
+        axes.xaxis.set_label_coords(1.0, -0.5 / figure.get_figheight())
+        axes.xaxis.label.set_horizontalalignment("right")
     return figure
 
 

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.leftover import channel_of
 from gaitopt.diagnose.gap.split_commands import COMMAND_COMPONENTS
+from gaitopt.diagnose.judge.gap import Gap
 from gaitopt.diagnose.record.defect import runs
 from gaitopt.diagnose.trial_gap import TrialGap
 from gaitopt.diagnose.words import name_of_component
@@ -27,6 +28,7 @@ from gaitopt.report.figures.style import (
     legend_below,
     name_panel,
     name_rows,
+    plain_ticks,
     single_panel,
 )
 from gaitopt.report.letters import drawable
@@ -148,6 +150,39 @@ def _legend(figure: Figure, panels: Iterable[Axes], place: _Place, columns: int)
     figure.legend(handles.values(), handles.keys(), loc=place, ncols=columns, fontsize=8.5, frameon=False)
 
 
+def held_out(rows: Sequence[tuple[str, Gap]]) -> Figure:
+    """Draw the RMS error of the angles under each log, before and after, and the floor.
+
+    Args:
+        rows: name and gap of each log, rad.
+    """
+    figure, axes = single_panel(1.3 + 0.4 * len(rows))
+    places = np.arange(len(rows))[::-1]
+    looks = (
+        ([gap.before for _, gap in rows], 0.2, "0.6", "", "nominal"),
+        ([gap.after for _, gap in rows], -0.2, BEST_COLOUR, "//", "corrected"),
+    )
+    for values, shift, colour, hatch, label in looks:
+        axes.barh(
+            places + shift,
+            np.rad2deg(values),
+            height=0.36,
+            color=colour,
+            hatch=hatch,
+            edgecolor="white",
+            label=label,
+        )
+    axes.plot(np.rad2deg([gap.floor for _, gap in rows]), places, "k|", ms=15, mew=1.6, label="the floor")
+    axes.set_xscale("log")
+    plain_ticks(axes.xaxis)
+    axes.tick_params(axis="x", which="both", labelsize=7.5)
+    name_rows(axes, places.tolist(), [name for name, _ in rows], 8.0)
+    axes.margins(y=0.02)
+    finish(axes, "RMS error of the angles, held out [°]", "", legend=False)
+    legend_below(figure, axes, 3)
+    return figure
+
+
 def _motion(axes: Axes, repeats: Repeats, name: str) -> None:
     """Draw what was commanded, measured and simulated."""
     first = next(trial.aligned for trial in repeats.trials if name in trial.splits)
@@ -205,19 +240,20 @@ def _residuals(axes: Axes, repeats: Repeats, name: str) -> None:
         ([trial.aligned for trial in trials], _NOMINAL_COLOUR, "--", "left by nominal"),
         (_after(repeats, name), BEST_COLOUR, "-", "left by corrected"),
     )
+    after = [scale * float(np.nanmax(np.abs(one.residual[name]))) for one in _after(repeats, name)]
+    reach = max(_FLOORS_SHOWN * floor, 1.2 * max(after)) if after else np.inf
     for recordings, colour, style, label in sets:
         for number, aligned in enumerate(recordings):
+            left = scale * aligned.residual[name]
             axes.plot(
                 aligned.time,
-                scale * aligned.residual[name],
+                np.where(np.abs(left) <= reach, left, np.nan),
                 style,
                 color=colour,
                 lw=0.9,
                 label=label if number == 0 else None,
             )
-    after = [scale * float(np.nanmax(np.abs(one.residual[name]))) for one in _after(repeats, name)]
     if after:
-        reach = max(_FLOORS_SHOWN * floor, 1.2 * max(after))
         axes.set_ylim(-reach, reach)
 
 
