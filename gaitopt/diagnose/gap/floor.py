@@ -185,7 +185,8 @@ def _noise(trial: Trial, name: str) -> float:
     """Return the standard deviation of a signal's noise in one recording, m or rad."""
     if trial.noise_m is not None and is_position(name):
         return trial.noise_m
-    return noise_of(trial.signals[name][trial.used[name]])
+    noise = noise_of(trial.signals[name][trial.used[name]])
+    return max(noise, trial.steps_rad.get(name, 0.0) / math.sqrt(12.0))
 
 
 def _clock(aligned: Aligned, name: str) -> float:

@@ -5,20 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from gaitopt.diagnose.record.clock import rounded_clock
+from gaitopt.diagnose.record.angles import coarse_angles, wrapped_angles
+from gaitopt.diagnose.record.clock import doubled_stamps, rounded_clock
 from gaitopt.diagnose.record.commands import commands_beyond_range
 from gaitopt.diagnose.record.defect import Defect, Found
 from gaitopt.diagnose.record.frames import frozen, gaps
 from gaitopt.diagnose.record.outliers import outliers
 from gaitopt.diagnose.record.settings import DEFAULT, DefectSettings
 from gaitopt.diagnose.record.stepped_curve import stepped_curve
+from gaitopt.diagnose.record.stuck import stuck_angles
 from gaitopt.diagnose.record.trial import Trial
 
 FINDERS: tuple[Callable[[Trial, DefectSettings], Found], ...] = (
     rounded_clock,
+    doubled_stamps,
     stepped_curve,
     gaps,
     frozen,
+    wrapped_angles,
+    stuck_angles,
+    coarse_angles,
     outliers,
     commands_beyond_range,
 )

@@ -1,4 +1,4 @@
-"""Time stamps that are rounded to a coarse grid."""
+"""Time stamps that are rounded to a coarse grid, or doubled."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gaitopt.diagnose.record.defect import Defect, Found, bridged, errors_of
+from gaitopt.diagnose.record.defect import Defect, Found, bridged, counted, errors_of, spans_of
 from gaitopt.diagnose.record.settings import ClockSettings, DefectSettings
 from gaitopt.diagnose.record.trial import Series, Trial
 
@@ -27,6 +27,24 @@ def rounded_clock(trial: Trial, settings: DefectSettings) -> Found:
     if even is None:
         return _unsure(trial, first, grid)
     return _restored(trial, first, grid, even)
+
+
+def doubled_stamps(trial: Trial, _: DefectSettings) -> Found:
+    """Mask samples whose time stamp the next one has, too: the last of them counts.
+
+    A log that is written late has such stamps. They are looked for where no position was recorded, as curves
+    read off a plot have vertical lines. Stamps that are rounded are another defect.
+    """
+    doubled = np.append(np.diff(trial.time) == 0.0, False)
+    if trial.positions or trial.clock_s > 0.0 or not doubled.any():
+        return trial, None
+    count = int(doubled.sum())
+    message = (
+        f"{counted(count, 'time stamp')} doubled, the first at t = {trial.time[doubled][0]:.2f} s: the last "
+        "sample of each counts; the others are masked"
+    )
+    spans = spans_of(trial.time, doubled)
+    return trial.masked(doubled), Defect("doubled_stamps", trial.name, message, count, spans)
 
 
 def _unsure(trial: Trial, first: int, grid: float) -> Found:

@@ -17,8 +17,9 @@ class Defect:
 
     Attributes:
         name: ``gaps``, ``frozen_frames``, ``marker_outliers``, ``clock_rounding``, ``wrong_frame_rate``,
-            ``wrong_unit``, ``axis_reversed`` or ``commands_beyond_range``; of imported files also
-            ``unlikely_points`` and ``pixels``.
+            ``wrong_unit``, ``axis_reversed``, ``commands_beyond_range``, ``doubled_stamps``,
+            ``wrapped_angles``, ``stuck_angles`` or ``coarse_angles``; of imported files also
+            ``unlikely_points``, ``pixels``, ``clock_zero``, ``clock_set_back`` and ``late_commands``.
         trial: name of the trial.
         message: what was found, and what was done about it.
         masked: number of time stamps with samples that do not count.

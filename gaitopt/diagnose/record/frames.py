@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitopt.diagnose.record.defect import Defect, Found, bridged, counted, errors_of, runs, spans_of
 from gaitopt.diagnose.record.noise import quantum_of
@@ -11,16 +12,21 @@ from gaitopt.diagnose.record.trial import Flags, Series, Trial
 
 
 def gaps(trial: Trial, settings: DefectSettings) -> Found:
-    """Find frames that are missing, and samples that are blank."""
+    """Find frames of a film that are missing, samples of a log that were lost, and samples that are blank."""
     steps, frame = np.diff(trial.time), trial.frame_s
     long = np.flatnonzero(steps > settings.frames.dropped * frame)
-    dropped = int(np.round(steps[long] / frame - 1.0).sum())
+    if trial.positions:
+        dropped = int(np.round(steps[long] / frame - 1.0).sum())
+    else:  # samples of a log that are written late fill the gap before them
+        long = long[steps[long] > settings.frames.dropped * frame * _together(steps, long)]
+        dropped = int((np.round(steps[long] / frame) - _together(steps, long)).sum())
     blank = np.logical_or.reduce([~np.isfinite(series) for series in trial.signals.values()])
     parts = []
     if dropped:
         longest = long[steps[long].argmax()]
+        noun, away = ("frame", "missing") if trial.positions else ("sample", "lost")
         parts.append(
-            f"{counted(dropped, 'frame')} missing in {counted(len(long), 'gap')}, the longest "
+            f"{counted(dropped, noun)} {away} in {counted(len(long), 'gap')}, the longest "
             f"{steps[longest]:.2g} s at t = {trial.time[longest]:.2f} s"
         )
     if blank.any():
@@ -30,6 +36,13 @@ def gaps(trial: Trial, settings: DefectSettings) -> Found:
     spans = tuple((float(trial.time[i]), float(trial.time[i + 1])) for i in long)
     spans += spans_of(trial.time, blank)
     return trial, Defect("gaps", trial.name, "; ".join(parts), int(blank.sum()), spans)
+
+
+def _together(steps: Series, indices: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return how many samples share the time stamp after each of some steps."""
+    ends = np.append(np.flatnonzero(steps > 0.0), len(steps))
+    together: NDArray[np.intp] = ends[np.searchsorted(ends, indices, side="right")] - indices
+    return together
 
 
 def frozen(trial: Trial, settings: DefectSettings) -> Found:

@@ -85,6 +85,43 @@ class FrameSettings:
 
 
 @dataclass(frozen=True)
+class AngleSettings:
+    """When measured angles are taken to be wrapped, coarse or stuck.
+
+    Attributes:
+        turn: a step this close to a whole turn, as a share of it, is a jump of the sensor.
+        moving: nothing else moves by more than this share of a turn between two samples.
+        least_levels, levels: a sensor is coarse if the whole motion has this many of its steps at least, and
+            this many at most; a joint at rest has one or two,
+        distinct: and at most this share of the samples have distinct values.
+        on_step: a difference is a whole number of steps within this share of a step.
+        stuck_samples: at least this many equal samples in a row may be stuck.
+        jump: a stuck sensor then jumps by more than this many times the largest other step,
+        jump_steps: and by more than this many of its own steps.
+        jumped: the jumps are at most this share of the whole path: a joint that rests, and moves from one
+            sample to the next, is not stuck.
+        commanded: an angle that never changes again is stuck if each channel is commanded through this share
+            of the angle's range meanwhile, and through `least_commanded_rad`.
+        least_commanded_rad: see `commanded`.
+        answer_s: commands this close to the end of a recording are not counted: an angle may follow later.
+    """
+
+    turn: float = 0.2
+    moving: float = 0.25
+    least_levels: int = 3
+    levels: int = 20
+    distinct: float = 0.5
+    on_step: float = 0.01
+    stuck_samples: int = 4
+    jump: float = 1.5
+    jump_steps: float = 10.0
+    jumped: float = 0.5
+    commanded: float = 0.5
+    least_commanded_rad: float = 0.2
+    answer_s: float = 0.25
+
+
+@dataclass(frozen=True)
 class OutlierSettings:
     """When a sample of the marker is taken to be an outlier.
 
@@ -119,6 +156,7 @@ class DefectSettings:
     clock: ClockSettings = ClockSettings()
     stepped_curve: SteppedCurveSettings = SteppedCurveSettings()
     frames: FrameSettings = FrameSettings()
+    angles: AngleSettings = AngleSettings()
     outliers: OutlierSettings = OutlierSettings()
 
 

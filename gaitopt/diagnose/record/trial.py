@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,7 @@ class Trial:
         noise_m: standard deviation of the marker's noise, m, if it is known.
         fps: frames a second, if known.
         clock_s: standard deviation of the common error of time stamps that had been rounded, s.
+        steps_rad: step of each angle whose sensor is coarse, rad.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Trial:
     noise_m: float | None = None
     fps: float | None = None
     clock_s: float = 0.0
+    steps_rad: Mapping[str, float] = field(default_factory=dict)
 
     @staticmethod
     def of(name: str, drive: Drive, time: Series, signals: Mapping[str, Series]) -> Trial:
@@ -63,6 +65,11 @@ class Trial:
     def positions(self) -> dict[str, Series]:
         """The coordinates of the marker and of sites by signal, m."""
         return {name: series for name, series in self.signals.items() if is_position(name)}
+
+    @property
+    def angles(self) -> list[str]:
+        """The signals that are angles, of joints or of sites."""
+        return [name for name in self.signals if not is_position(name)]
 
     def counted(self, signal: str) -> tuple[Series, Series]:
         """Return time stamps, s, and values of those samples of a signal that count."""
