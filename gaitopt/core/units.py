@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from gaitopt.core.errors import bad_value
 
-TIME = {"s": 1.0, "ms": 1e-3}
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 ANGLE = {"rad": 1.0, "deg": math.pi / 180.0}
 

@@ -1,4 +1,4 @@
-"""The job `import`: recordings of tracking programs to a data set."""
+"""The job `import`: recordings of tracking programs and logs of robots to a data set."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class ImportRun:
     Attributes:
         folder: the data set.
         files: the files imported.
-        recordings: the motion in each of them.
+        recordings: the recordings in them, one or more in each.
     """
 
     folder: Path
@@ -34,8 +34,9 @@ class ImportRun:
     def to_dict(self) -> dict[str, object]:
         """Return what `gaitopt import --json` prints."""
         trials = [
-            {"name": path.stem, "program": motion.program, "signals": list(motion.signals)}
-            for path, motion in zip(self.files, self.recordings, strict=True)
+            {"name": motion.name, "program": motion.program, "signals": list(motion.signals)}
+            | ({"commands": motion.channels} if motion.sent else {})
+            for motion in self.recordings
         ]
         rows = [defect.to_dict() for defect in self.defects]
         return {"dataset": str(self.folder), "trials": trials, "defects": rows}
@@ -43,15 +44,17 @@ class ImportRun:
 
 def import_recordings(
     files: Sequence[Path | str],
-    gaits: Sequence[str] | str,
+    gaits: Sequence[str] | str | None,
     out: Path | str,
     options: ImportOptions | None = None,
 ) -> ImportRun:
-    """Write a data set of exports of tracking programs; nothing is written unless all can be read.
+    """Write a data set of exports of tracking programs and logs; nothing is written unless all can be read.
 
     Args:
-        files: exports of Tracker, DeepLabCut, SLEAP or Kinovea, or CSV files, each a trial.
-        gaits: what was commanded: one name or gait file for all, or one for each.
+        files: exports of Tracker, DeepLabCut, SLEAP or Kinovea, CSV files and JSON lines, each a trial; and
+            LeRobot data sets, a trial an episode.
+        gaits: what was commanded, where the files do not say it: one name or gait file for all of these, or
+            one for each.
         out: the new data set.
         options: what the files do not say themselves.
 
@@ -62,5 +65,5 @@ def import_recordings(
     check_positive("fps", options.fps)
     check_positive("scale-m-per-px", options.scale_m_per_px)
     paths = tuple(map(Path, files))
-    imported = import_files(paths, [gaits] if isinstance(gaits, str) else gaits, Path(out), options)
+    imported = import_files(paths, [gaits] if isinstance(gaits, str) else gaits or (), Path(out), options)
     return ImportRun(Path(out), paths, tuple(imported))

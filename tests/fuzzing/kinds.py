@@ -134,15 +134,11 @@ def importer(rng: random.Random, folder: Path) -> Case:
             "\udcff.csv",
         ]
     )
-    (folder / name).write_bytes(broken(rng, export_of(rng, rng.choice(PROGRAMS)).encode()))
-    arguments = [
-        "import",
-        f"./{name}",
-        "--gait",
-        rng.choice(["stride", "square", rng.choice(NAMES[:4])]),
-        "--out",
-        "out",
-    ]
+    program = rng.choice(PROGRAMS)
+    (folder / name).write_bytes(broken(rng, export_of(rng, program).encode()))
+    gait = ["--gait", rng.choice(["stride", "square", rng.choice(NAMES[:4])])]
+    said = gait if (program not in ("log", "json-lines")) == (rng.random() < 0.95) else []
+    arguments = ["import", f"./{name}", *said, "--out", "out"]
     for option, values in {
         "--fps": ["25", "30", "0", "-1", "nan", "1e308", "5e-324"],
         "--scale-m-per-px": ["0.001", "0", "1e308", "nan", "5e-324"],
@@ -151,6 +147,11 @@ def importer(rng: random.Random, folder: Path) -> Case:
         "--view": ["side", "top", "front"],
         "--marker": ["nose", "foot/1", "mass_A", "A", "x"],
         "--sync-at": ["0.5", "nan", "1e308", "-1"],
+        "--angle-unit": ["deg", "rad", "normalised", "counts", "us", "turns"],
+        "--full-scale-deg": ["90", "rear=90", "0", "nan", "1e308"],
+        "--counts-per-turn": ["4096", "0", "-1", "nan", "1e308"],
+        "--command": ["rear=target.rear_rad", "rear=t_s", "=", "a,b=target.front_us"],
+        "--signal": ["joint.rear=rear_hip_deg", "joint.=rear_hip_deg", "rear=rear_hip_deg"],
     }.items():
         if rng.random() < (0.7 if option in ("--fps", "--scale-m-per-px") else 0.15):
             usual = values[0] if rng.random() < 0.7 else rng.choice(values)

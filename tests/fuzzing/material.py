@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import shutil
 from functools import cache
@@ -86,10 +87,16 @@ def export_of(rng: random.Random, program: str) -> str:
     if program == "kinovea":
         lines = [f'"{1e3 * t:g}";"{x:.5f}";"{z:.5f}"'.replace(".", ",") for t, x, z in rows]
         return "\n".join(['"Time";"foot/1/X";"foot/1/Y"', *lines])
+    if program == "log":
+        head = "t_s,target.rear_rad,target.front_us,rear_hip_deg"
+        return "\n".join([head, *(f"{t},{x},{1500 + z:.1f},{100 * x}" for t, x, z in rows)])
+    if program == "json-lines":
+        told = [{"t": t, "cmd": {"rear_rad": x, "front_us": 1500 + z}, "hip": z} for t, x, z in rows]
+        return "\n".join(json.dumps(line | {"joint.rear_hip_deg": 9.0 * line["hip"]}) for line in told)
     return "\n".join(["t_s,x_m,z_m,rear_hip_deg", *(f"{t},{x},{z},{100 * x}" for t, x, z in rows)])
 
 
-PROGRAMS = ("tracker", "tracker-comma", "deeplabcut", "sleap", "kinovea", "plain")
+PROGRAMS = ("tracker", "tracker-comma", "deeplabcut", "sleap", "kinovea", "plain", "log", "json-lines")
 
 
 @cache

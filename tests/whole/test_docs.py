@@ -117,7 +117,7 @@ def test_the_readmes_commands() -> None:
 @pytest.mark.usefixtures("workplace")
 def test_the_tutorials_commands() -> None:
     found = list(commands_in((ROOT / "docs" / "tutorial.md").read_text()))
-    assert [c.split()[1] for c in found if c.startswith("gaitopt")][-1] == "export"
+    assert [c.split()[1] for c in found if c.startswith("gaitopt")][-1] == "import"
     for command in found:
         execute(command)
     assert (Path("run") / "report.html").is_file()

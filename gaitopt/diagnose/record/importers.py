@@ -1,22 +1,43 @@
-"""Importers: one function for each tracking program, and the list of them."""
+"""Importers: one function for each program or format, and the list of them."""
 
 from __future__ import annotations
+
+import re
 
 import numpy as np
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.units import ANGLE, LENGTH, TIME, suffix_scale
 from gaitopt.diagnose.record.defect import Defect, counted, spans_of
 from gaitopt.diagnose.record.export import Export, Importer, Motion
-from gaitopt.diagnose.record.tables import Cells
-from gaitopt.robot.signals import MARKER, joint_signal, marker_signal
+from gaitopt.diagnose.record.json_lines import read_json_lines
+from gaitopt.diagnose.record.lerobot import is_lerobot, read_lerobot
+from gaitopt.diagnose.record.log import Log
+from gaitopt.diagnose.record.log_time import LARGEST_STAMP, is_time
 
 LIKELY = 0.6
 """Points less likely than this are blanked: DeepLabCut gives coordinates even where it sees nothing."""
 
 
-def _is_deeplabcut(rows: Cells) -> bool:
-    return [row[0].lower() for row in rows[:3]] == ["scorer", "bodyparts", "coords"]
+def _is_lerobot(export: Export) -> bool:
+    return is_lerobot(export.path)
+
+
+def lerobot(export: Export) -> list[Motion]:
+    """Read a LeRobot data set: each of its episodes is a recording with commands."""
+    return [log.motion(export.options) for log in read_lerobot(export.path)]
+
+
+def _is_json_lines(export: Export) -> bool:
+    return re.match(r"\s*[{\[]", export.text) is not None
+
+
+def json_lines(export: Export) -> Motion:
+    """Read JSON lines: one object a line, with a time stamp, commands and measured angles."""
+    return read_json_lines(export.path, export.text).motion(export.options)
+
+
+def _is_deeplabcut(export: Export) -> bool:
+    return [row[0].lower() for row in export.rows[:3]] == ["scorer", "bodyparts", "coords"]
 
 
 def deeplabcut(export: Export) -> Motion:
@@ -39,8 +60,8 @@ def deeplabcut(export: Export) -> Motion:
     return Motion(time, signals, [*defects, turned])
 
 
-def _is_sleap(rows: Cells) -> bool:
-    return "frame_idx" in rows[0] and "instance.score" in rows[0]
+def _is_sleap(export: Export) -> bool:
+    return "frame_idx" in export.rows[0] and "instance.score" in export.rows[0]
 
 
 def sleap(export: Export) -> Motion:
@@ -56,7 +77,8 @@ def sleap(export: Export) -> Motion:
     return Motion(time[order], {name: series[order] for name, series in signals.items()}, [turned])
 
 
-def _is_kinovea(rows: Cells) -> bool:
+def _is_kinovea(export: Export) -> bool:
+    rows = export.rows
     return rows[0][0].lower() == "time" and all("/" in name for name in rows[0][1:] if name)
 
 
@@ -68,7 +90,8 @@ def kinovea(export: Export) -> Motion:
     return Motion(time, export.lengths([cells.column(f"{chosen}/{axis}") for axis in "XY"]))
 
 
-def _is_tracker(rows: Cells) -> bool:
+def _is_tracker(export: Export) -> bool:
+    rows = export.rows
     names = [name.lower() for name in rows[1]] if len(rows) > 1 else []
     return names[:1] == ["t"] and "x" in names and "y" in names
 
@@ -90,38 +113,27 @@ def tracker(export: Export) -> Motion:
     return Motion(time, export.lengths([cells.column(axis) for axis in "xy"]))
 
 
-def _is_plain(rows: Cells) -> bool:
-    return any(_is_time(name) for name in rows[0])
+def _is_plain(export: Export) -> bool:
+    return any(map(is_time, export.rows[0]))
 
 
 def plain(export: Export) -> Motion:
-    """Read a plain CSV table, whose column names say signal and unit, such as ``x_mm``."""
-    path, cells = export.path, export.table(export.rows[0], begin=1)
-    name = next(name for name in cells.head if _is_time(name))
-    time = cells.column(name) * suffix_scale(path, "column", name, TIME)
-    signals = {}
-    for column in cells.head:
-        stem, _, unit = column.rpartition("_")
-        axis = stem.removeprefix("marker.")
-        if marker_signal(axis) in MARKER:
-            signals[marker_signal(axis)] = cells.column(column) * suffix_scale(path, "column", column, LENGTH)
-        elif unit in ANGLE:
-            joint = joint_signal(stem.removeprefix("joint."))
-            signals[joint] = cells.column(column) * suffix_scale(path, "column", column, ANGLE)
-    if not signals:
-        raise GaitoptError(f"{path}: no column such as x_m or mid_left_rad; it has {', '.join(cells.head)}")
-    return Motion(time, signals)
-
-
-def _is_time(column: str) -> bool:
-    return column.rpartition("_")[0] in ("t", "time")
+    """Read a plain CSV table, whose columns say what they hold, such as ``x_mm`` or ``target.mid_rad``."""
+    cells = export.table(export.rows[0], begin=1)
+    name = next(filter(is_time, cells.head))
+    lines = cells.first_line + np.arange(len(cells.rows))
+    head = [column for column in cells.head if not is_time(column)]
+    stamps = cells.column(name, LARGEST_STAMP)
+    return Log(export.path, export.path.stem, name, stamps, lines, head, cells.column).motion(export.options)
 
 
 IMPORTERS = (
+    Importer("LeRobot", _is_lerobot, lerobot, maps=True),
+    Importer("JSON lines", _is_json_lines, json_lines, maps=True),
     Importer("DeepLabCut", _is_deeplabcut, deeplabcut),
     Importer("SLEAP", _is_sleap, sleap),
     Importer("Kinovea", _is_kinovea, kinovea),
     Importer("Tracker", _is_tracker, tracker),
-    Importer("plain CSV", _is_plain, plain),
+    Importer("plain CSV", _is_plain, plain, maps=True),
 )
 """All importers; the first that recognises a file reads it."""

@@ -1,11 +1,10 @@
-"""Importing: exports of tracking programs are turned into a data set."""
+"""Importing: exports of tracking programs and logs of robots are turned into a data set."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import tomli_w
@@ -16,30 +15,46 @@ from gaitopt.core.files import csv_text, read_bytes, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.core.validation import validated
 from gaitopt.diagnose.record.cleaning import clean
+from gaitopt.diagnose.record.columns import PULSE
 from gaitopt.diagnose.record.dataset import DATASET_FILE, DataSetFile
 from gaitopt.diagnose.record.defect import Defect
-from gaitopt.diagnose.record.export import Export, ImportOptions
+from gaitopt.diagnose.record.export import Export, ImportOptions, Motion, Sent
 from gaitopt.diagnose.record.importers import IMPORTERS
-from gaitopt.diagnose.record.tables import read_cells
+from gaitopt.diagnose.record.lerobot import INFO, is_lerobot
 from gaitopt.diagnose.record.trial import Series, Trial
-from gaitopt.robot.signals import measured_column_of
+from gaitopt.gait.calibration import Calibration
+from gaitopt.gait.logged import LoggedCommands
+from gaitopt.robot.signals import measured_column_of, unit_of
 
 
 @dataclass(frozen=True)
 class Imported:
-    """One file in SI units.
+    """One recording in SI units.
 
     Attributes:
-        program: the program that it came from.
+        name: name of the trial.
+        source: the file or folder that it came from.
+        program: the program or format.
         time: time stamps, s, shape (n,).
         signals: series by signal, m or rad, each of shape (n,).
         defects: what is wrong with the recording, and what was changed.
+        sent: the commands, where the file holds some.
+        zero_s: stamp of the file's own clock that is zero in `time`, s.
     """
 
+    name: str
+    source: Path
     program: str
     time: Series
     signals: Mapping[str, Series]
     defects: tuple[Defect, ...]
+    sent: Sent | None = None
+    zero_s: float = 0.0
+
+    @property
+    def channels(self) -> list[str]:
+        """The channels that are commanded in the file."""
+        return [] if self.sent is None else [name.rpartition("_")[0] for name in self.sent.columns]
 
 
 @dataclass(frozen=True)
@@ -59,24 +74,61 @@ class UnknownDrive:
 
 
 def import_file(path: Path, options: ImportOptions) -> Imported:
-    """Return the motion in an export of Tracker, DeepLabCut, SLEAP, Kinovea, or in a plain CSV file.
+    """Return the recording in a file that holds one; see `import_path`."""
+    (recording,) = import_path(path, options)
+    return recording
+
+
+def import_path(path: Path, options: ImportOptions) -> list[Imported]:
+    """Return the recordings in an export, a log or a LeRobot data set.
 
     Raises:
-        GaitoptError: the file is none of these, or an option that it needs is missing.
+        GaitoptError: it is of no format of `IMPORTERS`, or an option that it needs is missing.
     """
     options.check()
-    rows = read_cells(path)
-    importer = next((importer for importer in IMPORTERS if importer.recognises(rows)), None)
+    export = Export(path, options)
+    if path.is_dir() and not is_lerobot(path):
+        raise GaitoptError(f"{path}: found a folder; allowed: a file, or a LeRobot data set with {INFO}")
+    if path.suffix == ".parquet":
+        raise GaitoptError(
+            f"{path}: found a table of a data set; allowed: the data set's folder, with {INFO}"
+        )
+    importer = next((importer for importer in IMPORTERS if importer.recognises(export)), None)
     if importer is None:
         raise GaitoptError(
             f"{path}: not an export of Tracker, DeepLabCut, SLEAP or Kinovea, nor a CSV table with a time "
             "column such as t_s"
         )
-    motion = importer.read(Export(path, rows, options))
-    trial = Trial.of(path.stem, UnknownDrive(), motion.time, motion.signals)
+    if not importer.maps and (options.commands or options.signals):
+        raise GaitoptError(
+            f"{path}: {importer.program}: takes no --command and no --signal; allowed: for logs"
+        )
+    read = importer.read(export)
+    motions = [read] if isinstance(read, Motion) else read
+    return [_checked(path, importer.program, motion) for motion in motions]
+
+
+def _checked(path: Path, program: str, motion: Motion) -> Imported:
+    """Return a recording with what is wrong with it."""
+    trial = Trial.of(motion.name or path.stem, UnknownDrive(), motion.time, motion.signals)
     _check_time(path, trial)
-    found = clean(trial).defects
-    return Imported(importer.program, trial.time, trial.signals, (*motion.defects, *found))
+    if motion.sent is not None:
+        log = _log_of(motion.sent)
+        trial = replace(trial, drive=log, starts_at_s=-log.first_s)
+    defects = (*motion.defects, *clean(trial).defects)
+    return Imported(trial.name, path, program, trial.time, trial.signals, defects, motion.sent, motion.zero_s)
+
+
+def _log_of(sent: Sent) -> LoggedCommands:
+    """Return the commands as angles, of servos as their datasheet has them: to judge defects alone."""
+    servo = Calibration()
+    angles = [
+        np.deg2rad((np.where(column > 0.0, column, np.nan) - servo.neutral_us) / servo.us_per_deg)
+        if name.endswith(f"_{PULSE}")
+        else column
+        for name, column in sent.columns.items()
+    ]
+    return LoggedCommands.of(list(sent.columns), sent.time, np.stack(angles, axis=-1))
 
 
 def _check_time(path: Path, trial: Trial) -> None:
@@ -95,30 +147,62 @@ def import_files(
     """Write a data set of some files; nothing is written unless all of them can be read.
 
     Args:
-        files: exports, each a trial named after its file.
-        gaits: what was commanded: one name or gait file for all, or one for each.
+        files: exports and logs, each a trial named after its file, and LeRobot data sets, a trial an episode.
+        gaits: what was commanded where a file does not say it: one name or gait file for all of these files,
+            or one for each.
         folder: the new data set.
         options: what the files do not say themselves.
 
     Raises:
-        GaitoptError: the folder is not empty, or a file cannot be imported.
+        GaitoptError: the folder is not empty, a file cannot be imported, or a gait is missing or too many.
     """
     check_new_or_empty(folder)
-    if len(gaits) not in (1, len(files)):
-        raise GaitoptError(f"--gait: found {len(gaits)} for {len(files)} files; allowed: one, or one each")
-    names = [path.stem for path in files]
-    if len(set(names)) < len(names):
-        raise GaitoptError(f"two files have the same name: {', '.join(sorted(names))}")
-    imported = [import_file(path, options) for path in files]
-    each = list(gaits) * len(files) if len(gaits) == 1 else gaits
+    imported = [recording for path in files for recording in import_path(path, options)]
+    each = _gait_of_each(imported, gaits, options)
+    _check_names(imported)
     entries = []
     with filling(folder):
-        for name, gait, motion in zip(names, each, imported, strict=True):
-            entries.append(_write_trial(folder, name, _gait_beside(folder, gait), motion, options))
+        for recording, gait in zip(imported, each, strict=True):
+            beside = None if gait is None else _gait_beside(folder, gait)
+            entries.append(_write_trial(folder, recording, beside, options))
         content = {"trial": entries}
         write_text(folder / DATASET_FILE, tomli_w.dumps(content))
         validated(DataSetFile, content, folder / DATASET_FILE)
     return imported
+
+
+def _gait_of_each(
+    imported: Sequence[Imported], gaits: Sequence[str], options: ImportOptions
+) -> list[str | None]:
+    """Return the gait of each recording; None for those that hold their commands."""
+    silent = [recording for recording in imported if recording.sent is None]
+    if silent and not gaits:
+        raise GaitoptError(
+            f"{silent[0].source}: holds no commands, such as target.NAME_rad; say what was commanded: "
+            "--gait GAIT, or --command CHANNEL=COLUMN"
+        )
+    if gaits and not silent:
+        raise GaitoptError("--gait: found one, and every file holds its commands; allowed: none")
+    if options.sync_at_s is not None and len(silent) < len(imported):
+        raise GaitoptError(
+            "--sync-at: found one for a log of commands, which has their clock; allowed: for gaits"
+        )
+    if silent and len(gaits) not in (1, len(silent)):
+        raise GaitoptError(f"--gait: found {len(gaits)} for {len(silent)} files; allowed: one, or one each")
+    own = iter(list(gaits) * len(silent) if len(gaits) == 1 else gaits)
+    return [next(own) if recording.sent is None else None for recording in imported]
+
+
+def _check_names(imported: Sequence[Imported]) -> None:
+    """Check that no file of the data set would have the name of another."""
+    names = [name for recording in imported for name in _tables_of(recording)]
+    if len(set(names)) < len(names):
+        raise GaitoptError(f"two files have the same name: {', '.join(sorted(names))}")
+
+
+def _tables_of(recording: Imported) -> list[str]:
+    """Return the names of a trial's tables, without their suffix."""
+    return [recording.name, *([f"{recording.name}-commands"] if recording.sent else [])]
 
 
 def _gait_beside(folder: Path, gait: str) -> str:
@@ -133,15 +217,30 @@ def _gait_beside(folder: Path, gait: str) -> str:
 
 
 def _write_trial(
-    folder: Path, name: str, gait: str, motion: Imported, options: ImportOptions
-) -> dict[str, Any]:
-    """Write the table of a trial; return its entry in the data set's file."""
-    signals = {signal: measured_column_of(signal) for signal in motion.signals}
-    columns = {"t_s": motion.time} | {signals[name]: series for name, series in motion.signals.items()}
-    write_text(folder / f"{name}.csv", csv_text(columns).replace("nan", ""))
-    entry: dict[str, Any] = {"name": name, "gait": gait, "file": f"{name}.csv", "time": "t_s"}
+    folder: Path, recording: Imported, gait: str | None, options: ImportOptions
+) -> dict[str, object]:
+    """Write the tables of a trial; return its entry in the data set's file."""
+    name, *others = _tables_of(recording)
+    signals = {signal: measured_column_of(signal) for signal in recording.signals}
+    if len(set(signals.values())) < len(signals):  # a joint called as the angle of a site
+        signals = {signal: f"{signal}_{unit_of(signal)}" for signal in signals}
+    columns = {"t_s": recording.time} | {signals[n]: series for n, series in recording.signals.items()}
+    _write_table(folder / f"{name}.csv", columns)
+    entry: dict[str, object] = {"name": name}
+    if recording.sent is not None:
+        entry["commands"] = f"{others[0]}.csv"
+        _write_table(folder / f"{others[0]}.csv", {"t_s": recording.sent.time, **recording.sent.columns})
+    else:
+        entry["gait"] = gait
+    entry |= {"file": f"{name}.csv", "time": "t_s"}
     if options.sync_at_s is not None:
-        entry["starts_at_gait_time_s"] = -options.sync_at_s
+        entry["starts_at_gait_time_s"] = recording.zero_s - options.sync_at_s
     if options.fps is not None:
         entry["fps"] = options.fps
     return entry | {"signals": signals}
+
+
+def _write_table(path: Path, columns: dict[str, Series]) -> None:
+    """Write a table, with a blank cell for each NaN."""
+    head, end, rows = csv_text(columns).partition("\n")
+    write_text(path, head + end + rows.replace("nan", ""))

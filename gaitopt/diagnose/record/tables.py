@@ -16,13 +16,13 @@ from gaitopt.core.errors import GaitoptError, found, unknown_name
 from gaitopt.core.files import read_text
 from gaitopt.core.numbers import number
 
-_LARGEST = 1e12
+LARGEST = 1e12
 """No camera, clock or servo gives a larger number, in any unit."""
 
-_MOST_CELLS = 20_000_000
+MOST_CELLS = 20_000_000
 """A table of more cells or lines is refused: an hour at 240 frames a second in 20 columns has 17 million."""
 
-_MOST_COLUMNS = 10_000
+MOST_COLUMNS = 10_000
 
 _LINE_ENDS = "\n\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029"
 """What `str.splitlines` takes for the end of a line."""
@@ -54,8 +54,12 @@ class TextTable:
     first_line: int
     decimal: str = "."
 
-    def column(self, name: str) -> NDArray[np.float64]:
+    def column(self, name: str, largest: float = LARGEST) -> NDArray[np.float64]:
         """Return a column as numbers, NaN where a cell is blank, shape (n,).
+
+        Args:
+            name: the column.
+            largest: a larger number is refused.
 
         Raises:
             GaitoptError: there is no such column, or a cell is not a number.
@@ -65,10 +69,10 @@ class TextTable:
         index = self.head.index(name)
         numbers = np.empty(len(self.rows))
         for at, row in enumerate(self.rows):
-            numbers[at] = self._number(row[index], name, at) if index < len(row) else math.nan
+            numbers[at] = self._number(row[index], name, at, largest) if index < len(row) else math.nan
         return numbers
 
-    def _number(self, cell: str, name: str, row: int) -> float:
+    def _number(self, cell: str, name: str, row: int, largest: float) -> float:
         text = cell.strip().replace("\N{MINUS SIGN}", "-")
         if text.lower() in _MISSING:
             return math.nan
@@ -76,7 +80,7 @@ class TextTable:
             value = number(text.replace(self.decimal, "."))
         except ValueError:
             value = math.inf
-        if not abs(value) <= _LARGEST:
+        if not abs(value) <= largest:
             where = f"{self.source}: line {self.first_line + row}, column {name}"
             raise GaitoptError(f"{where}: found {found(cell)}; allowed: a number or nothing")
         return value
@@ -95,8 +99,8 @@ def read_rows(path: Path, delimiter: str = ",", lines: int | None = None) -> lis
     """
     text = read_text(path)
     cells = sum(map(text.count, _LINE_ENDS)) + (text.count(delimiter) if lines is None else 0)
-    if cells > _MOST_CELLS:
-        raise GaitoptError(f"{path}: found {cells} cells and lines; allowed: at most {_MOST_CELLS}")
+    if cells > MOST_CELLS:
+        raise GaitoptError(f"{path}: found {cells} cells and lines; allowed: at most {MOST_CELLS}")
     try:
         rows = list(
             csv.reader(
@@ -139,8 +143,8 @@ def table(path: Path, rows: Cells, head: Sequence[str], begin: int, decimal: str
         GaitoptError: there are no rows or too many columns, a name is repeated, or a row is longer than
             the names.
     """
-    if len(head) > _MOST_COLUMNS:
-        raise GaitoptError(f"{path}: found {len(head)} columns; allowed: at most {_MOST_COLUMNS}")
+    if len(head) > MOST_COLUMNS:
+        raise GaitoptError(f"{path}: found {len(head)} columns; allowed: at most {MOST_COLUMNS}")
     repeated = next((name for name, count in Counter(head).items() if name and count > 1), None)
     if repeated is not None:
         raise GaitoptError(f"{path}: column {repeated!r} appears twice")
