@@ -11,7 +11,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
@@ -24,14 +23,23 @@ from gaitopt.problem.instruments import build_instrumented
 from gaitopt.problem.model import with_fidelity
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
-from gaitopt.problem.start import START, held_activation, settled, start_targets
+from gaitopt.problem.start import held_activation, settled, start_targets
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.beginning import held_before, started_pose
 from gaitopt.simulation.commands import drive_commands, row_commands
-from gaitopt.simulation.effort import WorkBudget, resting_work
+from gaitopt.simulation.effort import WorkBudget
 from gaitopt.simulation.power import Flags, changes_of_power, held_while_unpowered, switch, without_others
 from gaitopt.simulation.scenario import NOMINAL, Scenario, disturb_start, scenario_model
 from gaitopt.simulation.sites import with_sites
+from gaitopt.simulation.stepping import (
+    STOPPED,
+    OneByOne,
+    Recorded,
+    Together,
+    Workspace,
+    stop_reason,
+    warning_names,
+)
 
 Array = NDArray[np.float64]
 
@@ -60,56 +68,6 @@ class RolloutSettings:
     chunk: int = 500
     count_every: int = 100
     settle_limit_s: float = 4.0
-
-
-@dataclass
-class _Workspace:
-    """One thread's MuJoCo data for a simulator.
-
-    Attributes:
-        batch: the data.
-        resting_work: work of a step of standing still in the first scenario.
-        buffer: memory of the record, used again: new pages cost as much as the metrics do.
-    """
-
-    batch: Batch
-    resting_work: float
-    buffer: Array
-
-    @staticmethod
-    def of(model: mujoco.MjModel) -> _Workspace:
-        """Return the data of a model."""
-        batch = Batch(model, nsim=1, nthread=1)
-        work = resting_work(batch, model, model.keyframe(START).id)
-        return _Workspace(batch, work, np.empty(0))
-
-    def record(self, steps: int) -> Array:
-        """Return where ``sensordata`` goes, shape (1, steps, nsensordata)."""
-        size = steps * self.batch.model.nsensordata
-        if self.buffer.size < size:
-            self.buffer = np.empty(size)
-        record: Array = self.buffer[:size].reshape(1, steps, -1)
-        return record
-
-    def reset(self, model: mujoco.MjModel) -> None:
-        """Put the robot, with one of its scenarios' models, to the start."""
-        self.batch.set_models(model)
-        self.batch.reset(keyframe=self.batch.model.keyframe(START).id, stage=mujoco.mjtStage.mjSTAGE_NONE)
-
-
-@dataclass(frozen=True)
-class _Recorded:
-    """What a rollout recorded of each step.
-
-    Attributes:
-        data: ``sensordata``, shape (n, nsensordata).
-        qpos: poses, shape (n, nq); None where not asked for.
-        status: ``ok``, or why it was stopped.
-    """
-
-    data: Array
-    qpos: Array | None
-    status: str
 
 
 @dataclass(frozen=True)
@@ -256,24 +214,26 @@ class Simulator:
             disturb_start(workspace.batch, self.problem, self.scenarios[scenario])
         try:
             recorded = self._roll(workspace, model, ctrl, poses, off)
-        except SimulationError as error:
+        except STOPPED as error:
             nothing = np.full((len(time), len(self.signals)), np.nan)
-            recorded = _Recorded(nothing, None, f"failed: {_reason(error)}")
+            recorded = Recorded(nothing, None, f"failed: {stop_reason(error)}")
         return self._trajectory(time, commands, recorded)
 
     def _roll(
-        self, workspace: _Workspace, model: mujoco.MjModel, ctrl: Array, poses: bool, off: Flags | None
-    ) -> _Recorded:
+        self, workspace: Workspace, model: mujoco.MjModel, ctrl: Array, poses: bool, off: Flags | None
+    ) -> Recorded:
         """Simulate commands, one row per step, shape (n, nu), in chunks; loops act between two chunks.
 
         Where `off` says so, shape (n, nu), an actuator is unpowered.
         """
         settings, steps, batch = self.settings, len(ctrl), workspace.batch
         updates = self.effects.updates(model)
-        out = {"sensordata": workspace.record(steps)}
+        sensed = workspace.record(steps)
+        out = {"sensordata": sensed}
         if poses:
-            out["qpos"] = np.empty((1, steps, model.nq))
+            out["qpos"] = np.empty((steps, model.nq))
         chunk = max(1, round(LOOP_INTERVAL_S / self.fidelity.timestep_s)) if updates else settings.chunk
+        stepper = OneByOne(model, batch, ctrl, out) if updates else Together(batch, ctrl, out)
         allowed = settings.most_work * workspace.resting_work * steps
         budget = WorkBudget(allowed, chunk, settings.count_every, model.nv)
         switched, groups = changes_of_power(off), model.actuator_group.copy()
@@ -284,29 +244,24 @@ class Simulator:
                 switch(model, off[begin], groups)
                 batch.set_models(model)
             counts = budget.counters(begin, end)
-            rows: dict[str, NDArray[Any]] = {name: array[:, begin:end] for name, array in out.items()}
-            batch.rollout(
-                end - begin, ctrl[None, begin:end], record=(*rows, *counts), out=rows | dict(counts)
-            )
+            went_on = stepper.advance(begin, end, counts)
             budget.spend(counts, end - begin)
-            status = self._status(batch, budget)
-            if status != "ok":
+            if not went_on or budget.exceeded:
+                status = self._stopped(stepper.warnings)
                 for array in out.values():
-                    array[0, end:] = array[0, end - 1]
+                    array[end:] = array[end - 1]
                 break
             for update in updates if end % chunk == 0 else ():
-                update(out["sensordata"][0, end - 1])
-        return _Recorded(out["sensordata"][0], out["qpos"][0] if poses else None, status)
+                update(sensed[end - 1])
+        return Recorded(sensed, out.get("qpos"), status)
 
-    def _status(self, batch: Batch, budget: WorkBudget) -> str:
-        """Return ``ok``, or why a rollout stops here."""
-        if batch.warning[0, :, 1].any():
-            return f"diverged: {_warnings(batch)}"
-        if budget.exceeded:
-            return f"stalled: over {self.settings.most_work:g} times the work of standing still"
-        return "ok"
+    def _stopped(self, warnings: NDArray[np.int32]) -> str:
+        """Return why a rollout stops: a warning, or else its work."""
+        if warnings.any():
+            return f"diverged: {warning_names(warnings)}"
+        return f"stalled: over {self.settings.most_work:g} times the work of standing still"
 
-    def _trajectory(self, time: Array, commands: Array, recorded: _Recorded) -> Trajectory:
+    def _trajectory(self, time: Array, commands: Array, recorded: Recorded) -> Trajectory:
         every = self.sample_steps
         columns = np.array(recorded.data[::every].T, order="C")  # always a copy: the record is used again
         signals = {name: columns[i] for i, name in enumerate(self.signals) if name is not None}
@@ -317,11 +272,11 @@ class Simulator:
         qpos = None if recorded.qpos is None else recorded.qpos[::every]
         return Trajectory(time[::every], signals, recorded.status, qpos)
 
-    def _workspace(self) -> _Workspace:
+    def _workspace(self) -> Workspace:
         """Return this thread's MuJoCo data, made on first use."""
         if not hasattr(self._local, "workspace"):
-            self._local.workspace = _Workspace.of(self.models[0])
-        workspace: _Workspace = self._local.workspace
+            self._local.workspace = Workspace.of(self.models[0])
+        workspace: Workspace = self._local.workspace
         return workspace
 
 
@@ -335,13 +290,3 @@ def _start_at_rest(model: mujoco.MjModel, problem: Problem, effects: RobotEffect
     if problem.file.start.settle:
         affected = scenario_model(model, problem, NOMINAL, effects)
         model.key_qpos[0] = settled(affected, ctrl, limit_s)
-
-
-def _reason(error: SimulationError) -> str:
-    """Return why MuJoCo stopped: the first line of its message, which is the same for every gait."""
-    return str(error).rpartition("simulation 0: ")[2].partition("\n")[0]
-
-
-def _warnings(batch: Batch) -> str:
-    raised = np.flatnonzero(batch.warning[0, :, 1])
-    return ", ".join(mujoco.mjtWarning(int(i)).name.removeprefix("mjWARN_").lower() for i in raised)

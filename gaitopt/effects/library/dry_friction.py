@@ -32,7 +32,8 @@ def varied_friction(model: mujoco.MjModel, dofs: Sequence[int]) -> Callable[[Seq
 
     def set_part(torques: Sequence[float]) -> None:
         for index, torque in enumerate(torques):
-            friction[dofs[index]] += torque - added[index]
+            dof = dofs[index]
+            friction[dof] = friction.item(dof) + (torque - added[index])
             added[index] = torque
 
     return set_part

@@ -106,7 +106,7 @@ def _loaded(parts: Parts, share: float) -> Update:
     set_part = varied_friction(parts.model, list(sensed_by_dof))
 
     def update(sensed: NDArray[np.float64]) -> None:
-        set_part([share * abs(transmitted) for transmitted in sensed[addresses].tolist()])
+        set_part([share * abs(sensed.item(address)) for address in addresses])
 
     return update
 
@@ -148,7 +148,7 @@ def _stick(parts: Parts, torque: float) -> Update:
     set_part([torque] * len(addresses))
 
     def update(sensed: NDArray[np.float64]) -> None:
-        relative = (sensed[addresses] / STRIBECK_RAD_S).tolist()
+        relative = [sensed.item(address) / STRIBECK_RAD_S for address in addresses]
         set_part([torque * math.exp(-v * v) for v in relative])
 
     return update

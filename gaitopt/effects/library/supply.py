@@ -50,7 +50,7 @@ def _sag(parts: Parts, share: float) -> Update:
 
     def update(sensed: NDArray[np.float64]) -> None:
         nonlocal drawn
-        now = min(1.0, sum(map(abs, sensed[addresses].tolist())) / available)
+        now = min(1.0, sum(abs(sensed.item(address)) for address in addresses) / available)
         drawn += LOOP_INTERVAL_S / _SUPPLY_S * (now - drawn)
         model.actuator_forcerange[servos] = ranges - drawn * lost
 
