@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.kept import Kept
 from gaitopt.effects.active import RobotEffects
 from gaitopt.effects.added import is_added, transferred
 from gaitopt.effects.parts import Parts
 from gaitopt.problem.mjcf import spec_of
-from gaitopt.problem.model import assets_for, build_model, compile_for, nominal_mjcf
+from gaitopt.problem.model import assets_for, build_model, compile_for, content_of, nominal_mjcf
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.start import START
 from gaitopt.robot.signals import AXES, MARKER, joint_signal, kind_of, site_signals
@@ -109,15 +111,60 @@ def build_instrumented(problem: Problem) -> InstrumentedRobot:
         GaitoptError: the MJCF is missing, broken, or does not fit the problem, or an effect does not
             apply to it.
     """
+    nominal = _nominal(problem)
+    model = copy.copy(nominal.model)
+    effects = RobotEffects.of(
+        problem.effects, Parts(model, problem.roles, problem.channel_names), problem.source
+    )
+    if not effects.changes_robot:
+        return InstrumentedRobot(model, nominal.signals, effects)
+    return _with_structure(problem, nominal, effects)
+
+
+@dataclass(frozen=True)
+class _Nominal:
+    """A nominal robot with its sensors: what robots with effects begin with. Many share it; none changes it.
+
+    Attributes:
+        root: its MJCF.
+        signals: the signal in each place of ``sensordata``; None where it is not kept.
+        model: the compiled model.
+    """
+
+    root: ET.Element
+    signals: tuple[str | None, ...]
+    model: mujoco.MjModel
+
+
+_KEPT = 8
+"""Nominal robots that a process keeps, those used last."""
+
+_nominals: Kept[tuple[object, ...], _Nominal] = Kept(_KEPT)
+
+
+def _nominal(problem: Problem) -> _Nominal:
+    """Return a problem's nominal robot, compiled and brought to rest once for all with the same content.
+
+    A diagnosis builds a thousand robots that differ in their effects alone.
+    """
+    if problem.carried is None:  # its files may change on the disk
+        return _compiled(problem)
+    file = problem.file.model_copy(update={"effects": {}})
+    text, files = content_of(replace(problem, file=file))
+    key = (str(problem.model_path), text, tuple(files), problem.observed)
+    return _nominals.get(key, lambda: _compiled(problem))
+
+
+def _compiled(problem: Problem) -> _Nominal:
     root = ET.fromstring(nominal_mjcf(problem))
     signals = _add_sensors(root, problem)
-    nominal = compile_for(problem, root)
-    parts = Parts(nominal, problem.roles, problem.channel_names)
-    effects = RobotEffects.of(problem.effects, parts, problem.source)
-    if not effects.changes_robot:
-        return InstrumentedRobot(nominal, tuple(signals), effects)
-    assets = assets_for(problem, root)
-    spec = spec_of(root, problem.model_path, assets)
+    return _Nominal(root, tuple(signals), compile_for(problem, root))
+
+
+def _with_structure(problem: Problem, nominal: _Nominal, effects: RobotEffects) -> InstrumentedRobot:
+    """Return a nominal robot with the parts that effects need."""
+    assets = assets_for(problem, nominal.root)
+    spec = spec_of(nominal.root, problem.model_path, assets)
     for key in list(spec.keys):
         spec.delete(key)
     effects.restructure(spec)
@@ -126,9 +173,9 @@ def build_instrumented(problem: Problem) -> InstrumentedRobot:
         model = spec.compile()
     except (ValueError, RuntimeError) as error:
         raise GaitoptError(f"{problem.model_path}: with effects: {error}") from None
-    model.key_qpos[0] = transferred(nominal.keyframe(START).qpos, nominal, model)
-    unkept = [None] * (model.nsensordata - len(signals))
-    return InstrumentedRobot(model, (*signals, *unkept), effects)
+    model.key_qpos[0] = transferred(nominal.model.keyframe(START).qpos, nominal.model, model)
+    unkept = [None] * (model.nsensordata - len(nominal.signals))
+    return InstrumentedRobot(model, (*nominal.signals, *unkept), effects)
 
 
 def _add_sensors(root: ET.Element, problem: Problem) -> list[str | None]:

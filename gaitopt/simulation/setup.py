@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import threading
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.kept import Kept
 from gaitopt.core.versions import versions_text
 from gaitopt.problem.model import carrying, content_of
 from gaitopt.problem.problem import Problem
@@ -49,16 +49,7 @@ class RobotSetup:
         return RobotSetup(problem, tuple(scenarios), fidelity, key, versions_text())
 
 
-@dataclass
-class _Slot:
-    """A place for a compiled robot, and the lock that the thread that compiles it holds."""
-
-    lock: threading.Lock = field(default_factory=threading.Lock)
-    compiled: tuple[Simulator, Robot] | None = None
-
-
-_slots: dict[str, _Slot] = {}
-_slots_lock = threading.Lock()
+_compiled: Kept[str, tuple[Simulator, Robot]] = Kept(_KEPT)
 
 
 def prepared(setup: RobotSetup) -> tuple[Simulator, Robot]:
@@ -74,14 +65,9 @@ def prepared(setup: RobotSetup) -> tuple[Simulator, Robot]:
         raise GaitoptError(
             f"--executor: found a worker with {versions_text()}; allowed: {setup.versions}, as here"
         )
-    with _slots_lock:
-        if setup.key not in _slots:
-            while len(_slots) >= _KEPT:
-                del _slots[next(iter(_slots))]
-            _slots[setup.key] = _Slot()
-        slot = _slots[setup.key]
-    with slot.lock:
-        if slot.compiled is None:
-            simulator = Simulator.build(setup.problem, setup.scenarios, setup.fidelity)
-            slot.compiled = simulator, Robot.of(simulator.models[0])
-        return slot.compiled
+    return _compiled.get(setup.key, lambda: _compile(setup))
+
+
+def _compile(setup: RobotSetup) -> tuple[Simulator, Robot]:
+    simulator = Simulator.build(setup.problem, setup.scenarios, setup.fidelity)
+    return simulator, Robot.of(simulator.models[0])
