@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gaitopt.diagnose.record.defect import Defect, Found
+from gaitopt.diagnose.record.defect import Defect, Found, counted
 from gaitopt.diagnose.record.settings import AngleSettings, DefectSettings
 from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.robot.signals import kind_of
@@ -37,7 +37,7 @@ def wrapped_angles(trial: Trial, settings: DefectSettings) -> Found:
         at = keep[np.flatnonzero(jumps)]
         places += [(float(trial.time[i]), float(trial.time[i + 1])) for i in at]
         count = "once" if len(at) == 1 else f"{len(at)} times"
-        aside = f", and moved by {abs(moved)} of them toward 0" if moved else ""
+        aside = f", and moved by {counted(abs(moved), 'turn')} toward 0" if moved else ""
         first = f"first at t = {trial.time[at[0]]:.2f} s"
         parts.append(f"{name} jumps by a turn {count}, {first}: unwrapped{aside}")
     if not parts:
