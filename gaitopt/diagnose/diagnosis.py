@@ -102,6 +102,14 @@ class Diagnosis:
         return [*(self.found.causes if self.found else []), *self.defective]
 
     @property
+    def is_corrected(self) -> bool:
+        """Whether there is a corrected robot: effects are blamed, or predict held-out logs better."""
+        if self.found is None or self.found.best is None:
+            return False
+        angles = self.found.gap_angles if self.found.judgement.sets else None
+        return bool(self.found.causes) or (angles is not None and angles.after < angles.before)
+
+    @property
     def significant(self) -> bool:
         """Whether any trial has a gap that its floor does not explain."""
         return any(trial.significant for trial in self.trials)
@@ -284,7 +292,11 @@ def _hypotheses(simulator: Simulator, dataset: DataSet, effects: Collection[str]
     """Return the hypotheses: every requested effect that applies, on each of its targets."""
     known = any(trial.starts_at_s is not None for trial in dataset.trials)
     active = [one.effect.name for one in simulator.effects.active]
-    applicable = hypotheses(simulator.effects.nominal, simulator.problem.channel_names, known, active)
+    one_clock = all(
+        trial.drive.period_s is None and trial.starts_at_s is not None for trial in dataset.trials
+    )
+    nominal, channels = simulator.effects.nominal, simulator.problem.channel_names
+    applicable = hypotheses(nominal, channels, known, active, one_clock)
     chosen = [one for one in applicable if effects is None or one.effect.name in effects]
     if not chosen:
         raise GaitoptError("no effect can be tried: none of those asked for applies to this robot")

@@ -120,6 +120,11 @@ def _who(diagnosis: Diagnosis) -> tuple[str, str]:
     return " and ".join(texts), " or ".join(found.ambiguous_with)
 
 
+def how_far(diagnosis: Diagnosis) -> str:
+    """Return how far the corrected robot goes, in one sentence."""
+    return f"Corrected by {_who(diagnosis)[0]}: {_before_after(shown_gap(diagnosis))}."
+
+
 def _before_after(shown: ShownGap) -> str:
     """Return the gap on held-out data in words."""
     gap = shown.gap

@@ -95,6 +95,7 @@ class Effect:
         needs_known_start: whether it can be seen only where the start of the recording is known.
         shifts_start: whether it only shifts the start of the recording; where that start is unknown, the
             diagnosis fits it in every trial as a nuisance.
+        of_clock: whether it is an error of the recording's clock; logged commands may share that clock.
         structure, model, commands, loop, observe: the hooks; None where it does not use one.
     """
 
@@ -117,6 +118,7 @@ class Effect:
     found_in_record: bool = False
     needs_known_start: bool = False
     shifts_start: bool = False
+    of_clock: bool = False
     structure: Structure | None = None
     model: Edit | None = None
     commands: Send | None = None

@@ -8,7 +8,7 @@ from gaitopt.core.json import to_json
 from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.judge.experiment import Experiment
-from gaitopt.diagnose.words import answer, explanation
+from gaitopt.diagnose.words import answer, explanation, how_far
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem
 from gaitopt.report.diagnosis import write_page
@@ -39,8 +39,8 @@ def write_diagnosis(
     content = diagnosis.to_dict() | {"answer": answer(diagnosis), "explanation": explanation(diagnosis)}
     content["corrected"] = [row.to_dict() for row in correction.walked] if correction else []
     write_problem(folder, problem, nominal_mjcf(problem))
-    if correction and diagnosis.found and diagnosis.found.causes:
-        text = correction.problem.to_toml(MODEL_FILE)
+    if correction and diagnosis.is_corrected:
+        text = f"# {how_far(diagnosis)}\n{correction.problem.to_toml(MODEL_FILE)}"
         write_into(folder, CORRECTED_FILE, text)
     if isinstance(diagnosis.experiment, Experiment):
         gait = diagnosis.experiment.gait

@@ -11,7 +11,7 @@ from gaitopt.effects import EFFECTS, Effect
 from gaitopt.effects.active import Values
 from gaitopt.effects.parts import ALL, Parts
 
-_OUTSIDE = 0.5
+_OUTSIDE = 0.25
 """How far a fit of several effects may leave the range that is searched first, in ranges."""
 
 _AT_BOUND = 1e-3
@@ -100,7 +100,11 @@ class Hypothesis:
 
 
 def hypotheses(
-    nominal: Parts, channels: Sequence[str], offset_known: bool, active: Iterable[str] = ()
+    nominal: Parts,
+    channels: Sequence[str],
+    offset_known: bool,
+    active: Iterable[str] = (),
+    one_clock: bool = False,
 ) -> list[Hypothesis]:
     """Return every hypothesis that applies to a robot.
 
@@ -110,12 +114,14 @@ def hypotheses(
         offset_known: whether any trial says when its recording starts; if none does, the
             clock's offset is fitted for every trial and is no hypothesis.
         active: effects that the problem has switched on already, which are taken as known.
+        one_clock: whether recordings and logged commands share a clock, which then has no error.
     """
     known = set(active)
     found = []
     for effect in EFFECTS.values():
         nuisance = effect.shifts_start and not offset_known
-        if effect.found_in_record or nuisance or effect.name in known:
+        shared = effect.of_clock and one_clock
+        if effect.found_in_record or nuisance or shared or effect.name in known:
             continue
         for target in _targets(effect, channels):
             parts = replace(nominal, target=target)

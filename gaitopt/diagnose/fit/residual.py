@@ -32,6 +32,10 @@ from gaitopt.robot.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 
+_ERROR_PERIOD_S = 0.4
+"""Period of the waves that stand, with a constant, for a smooth error of a model, s."""
+
+
 @dataclass(frozen=True)
 class TrialResiduals:
     """One trial compared with one prediction.
@@ -105,6 +109,15 @@ class WhitenedTrial:
             own = self.bins.signal == index
             moved[own] -= moved[own].mean()
         return float(np.mean(self._whiten(moved) ** 2))
+
+    @property
+    def per_error(self) -> float:
+        """Mean whitened square of a smooth error of 1 rad, or of 0.1 m where positions were measured."""
+        names = list(self.bins.rows)
+        size = np.array([0.1 if is_position(name) else 1.0 for name in names])[self.bins.signal]
+        phase = 2.0 * np.pi * self.bins.time / _ERROR_PERIOD_S
+        shapes = (np.ones(self.n_rows), np.sqrt(2.0) * np.sin(phase), np.sqrt(2.0) * np.cos(phase))
+        return float(np.mean([np.mean(self._whiten(size * shape) ** 2) for shape in shapes]))
 
     def whitening_update(self, changes: Array) -> Array:
         """Return the whitening update for a new covariance.

@@ -1,14 +1,16 @@
-"""The loss of a set of effects: a Student's t for each trial, whose scale is not known exactly.
+"""The loss of a set of effects: a Student's t for each trial, and an error that all trials share.
 
 The covariance of a trial says how far off a correct model may be. No model of a real servo or robot is
-correct, and one trial may have slipped, lost a command or been misnamed. So the covariance of each trial is
-known up to a factor, which has an inverse-gamma prior. With that factor integrated out, n whitened rows with
-the sum of squares s have the density of a multivariate Student's t with v degrees of freedom:
+correct, and one trial may have slipped, lost a command or been misnamed. So
 
-    -2 log p = (v + n) log(1 + s / v) + constant.
+- a model may be off by an error of the same size, in rad, in all trials. It adds to the covariance of each,
+  and has the size that makes the recordings most probable: none, if the model fits down to the floor;
+- the covariance of each trial is known up to a factor, which has an inverse-gamma prior. With that factor
+  integrated out, n whitened rows with the sum of squares s have the density of a multivariate Student's t
+  with v degrees of freedom: -2 log p = (v + n) log(1 + s / v) + constant.
 
-A trial that no model fits then counts little, and an improvement by a tenth counts the same in a trial that
-fits well as in one that fits badly.
+A trial that no model fits then counts little, and a trial that fits better than the others do is not fitted
+at their cost.
 """
 
 from __future__ import annotations
@@ -32,12 +34,17 @@ class RobustLoss:
         temper: number of rows that count as one: the residual of a nearly correct model is correlated.
         most_rows: a trial counts as this many such rows at most: where a model is not quite right, a longer
             recording repeats the same error.
+        per_error: mean whitened square of a smooth error of 1 rad in each trial, shape (trials,).
+        errors: sizes of the shared error that are tried, rad; 0 among them.
+        scales: factor on the variance of each trial, shape (trials,); None for 1.
     """
 
     row_trials: NDArray[np.intp]
     freedom: float
     temper: float
     most_rows: float
+    per_error: Array
+    errors: tuple[float, ...] = (0.0,)
     scales: Array | None = None
 
     @cached_property
@@ -55,23 +62,43 @@ class RobustLoss:
     def squares(self, whitened: Array) -> Array:
         """Return the sum of squares of each trial, shape (trials,)."""
         sums: Array = np.bincount(self.row_trials, whitened**2, minlength=len(self.rows)).astype(float)
-        return sums if self.scales is None else sums / self.scales
+        return sums
 
     def of_squares(self, squares: Array) -> Array:
         """Return the loss of each trial from its sum of squares, shape (trials,)."""
-        n, v = self.rows / self.tempers, self.freedom
-        losses: Array = (v + n) * np.log1p(squares / self.tempers / v)
-        return losses
+        losses = self._losses(squares)
+        least: Array = losses[int(np.argmin(losses.sum(axis=1)))]
+        return least
 
     def total(self, whitened: Array) -> float:
         """Return the loss of all trials, minus twice a logarithm of a likelihood."""
         return float(self.of_squares(self.squares(whitened)).sum())
 
-    def weights(self, whitened: Array) -> Array:
-        """Return the weight of each row in the least squares that lower the loss, shape (rows,)."""
+    def shared_error(self, squares: Array) -> float:
+        """Return the size of the error that all trials share, rad, from their sums of squares."""
+        return self.errors[int(np.argmin(self._losses(squares).sum(axis=1)))]
+
+    def trial_weights(self, squares: Array) -> Array:
+        """Return the weight of each trial in the least squares that lower the loss, shape (trials,).
+
+        Args:
+            squares: sum of squares of each trial, shape (trials,).
+        """
+        variances = self._variances[self.errors.index(self.shared_error(squares))]
         n, v = self.rows / self.tempers, self.freedom
-        by_trial = (v + n) / (v + self.squares(whitened) / self.tempers) / self.tempers
-        if self.scales is not None:
-            by_trial = by_trial / self.scales
-        weights: Array = by_trial[self.row_trials]
+        weights: Array = (v + n) / (v + squares / variances / self.tempers) / self.tempers / variances
         return weights
+
+    @cached_property
+    def _variances(self) -> Array:
+        """Factor on the variance of each trial with each shared error, shape (errors, trials)."""
+        own = np.ones(len(self.rows)) if self.scales is None else self.scales
+        variances: Array = own + np.square(self.errors)[:, None] * self.per_error
+        return variances
+
+    def _losses(self, squares: Array) -> Array:
+        """Return the loss of each trial with each shared error, shape (errors, trials)."""
+        n, v = self.rows / self.tempers, self.freedom
+        fitted = (v + n) * np.log1p(squares / self._variances / self.tempers / v)
+        losses: Array = fitted + n * np.log(self._variances)
+        return losses

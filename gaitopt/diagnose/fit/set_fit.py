@@ -6,11 +6,13 @@ measured by one simulated robot for each effect, and updated after each step as 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
@@ -25,8 +27,67 @@ Array = NDArray[np.float64]
 Simulate = Callable[[Sequence[RobotRequest]], "list[Comparison | None]"]
 """Compares the trials with robots; None for a robot that cannot be simulated."""
 
+Point = Sequence[tuple[Hypothesis, float]]
+"""Effects, each at a coordinate."""
+
 _NO_MOVE = 1e-12
 """Square of a move, in ranges, that shows no slope."""
+
+
+@dataclass(frozen=True)
+class RowBlocks:
+    """The blocks and trials of rows.
+
+    Attributes:
+        of_rows: block of each row, from 0, shape (rows,).
+        trials: trial of each block, from 0, shape (blocks,).
+    """
+
+    of_rows: NDArray[np.intp]
+    trials: NDArray[np.intp]
+
+    def sums(self, of_rows: Array) -> Array:
+        """Return the sum of a value of each row over each block, shape (blocks,)."""
+        sums: Array = np.bincount(self.of_rows, of_rows, minlength=len(self.trials)).astype(float)
+        return sums
+
+    def by_trial(self, of_blocks: Array) -> Array:
+        """Return the sums over each trial of values of each block, shape (blocks, ...)."""
+        totals = np.zeros((int(self.trials[-1]) + 1, *of_blocks.shape[1:]))
+        np.add.at(totals, self.trials, of_blocks)
+        return totals
+
+
+@dataclass(frozen=True)
+class Products:
+    """Inner products of a residual and its slopes, block by block: all that a step depends on.
+
+    Attributes:
+        residual: of the residual with itself, shape (blocks,).
+        mixed: of the slopes with the residual, shape (blocks, k).
+        slopes: of the slopes with each other, shape (blocks, k, k).
+    """
+
+    residual: Array
+    mixed: Array
+    slopes: Array
+
+    @staticmethod
+    def of(whitened: Array, slopes: Array, rows: RowBlocks) -> Products:
+        """Return the products of a residual, shape (rows,), and its slopes, shape (rows, k)."""
+        count = slopes.shape[1]
+        both = np.column_stack([whitened, slopes])
+        grams = np.empty((len(rows.trials), count + 1, count + 1))
+        for i in range(count + 1):
+            for j in range(i + 1):
+                grams[:, i, j] = grams[:, j, i] = rows.sums(both[:, i] * both[:, j])
+        return Products(grams[:, 0, 0], grams[:, 1:, 0], grams[:, 1:, 1:])
+
+    def squares(self, step: Array) -> Array:
+        """Return the sum of squares of each block after a step, in ranges, shape (blocks,)."""
+        after = self.residual + 2.0 * self.mixed @ step + (self.slopes @ step) @ step
+        squares: Array = np.maximum(after, 0.0)
+        return squares
 
 
 @dataclass(frozen=True)
@@ -41,6 +102,7 @@ class SetFit:
             (samples, k). Zero where they were not measured.
         loss: the robust loss with the prior.
         radius: longest next step of a coordinate, in ranges.
+        rows: block of each row, and trial of each block.
         measured: whether the slopes are those of simulated robots near this one.
     """
 
@@ -50,7 +112,13 @@ class SetFit:
     sample_slopes: Array
     loss: float
     radius: float
+    rows: RowBlocks
     measured: bool = False
+
+    @cached_property
+    def products(self) -> Products:
+        """Inner products of residual and slopes, block by block."""
+        return Products.of(self.robot.whitened, self.slopes, self.rows)
 
     @property
     def names(self) -> frozenset[str]:
@@ -81,11 +149,13 @@ class SetFitter:
     Attributes:
         loss: the loss of a whitened residual.
         simulate: compares the trials with robots.
+        rows: blocks and trials of the rows.
         settings: how sets are fitted.
     """
 
     loss: RobustLoss
     simulate: Simulate
+    rows: RowBlocks
     settings: SetSettings
 
     def empty(self, nominal: Comparison) -> SetFit:
@@ -93,17 +163,18 @@ class SetFitter:
         rows, samples = len(nominal.whitened), len(nominal.marker) + len(nominal.angles)
         robot = replace(nominal, at=np.empty(0))
         loss = self.loss.total(nominal.whitened)
-        return SetFit((), robot, np.empty((rows, 0)), np.empty((samples, 0)), loss, 0.0)
+        return SetFit((), robot, np.empty((rows, 0)), np.empty((samples, 0)), loss, 0.0, self.rows)
 
-    def placed(self, points: Sequence[Mapping[Hypothesis, float]]) -> list[SetFit]:
+    def placed(self, points: Sequence[Point]) -> list[SetFit]:
         """Return sets at some coordinates, without slopes; those that cannot be simulated are left out."""
-        robots = self.simulate([robot_request(point.items()) for point in points])
+        robots = self.simulate([robot_request(point) for point in points])
         fits = []
         for point, robot in zip(points, robots, strict=True):
             if robot is not None:
                 rows, samples = len(robot.whitened), len(robot.marker) + len(robot.angles)
                 slopes, sample_slopes = np.zeros((rows, len(point))), np.zeros((samples, len(point)))
-                fits.append(self._fit(tuple(point), robot, slopes, sample_slopes, self.settings.first_radius))
+                hypotheses = tuple(hypothesis for hypothesis, _ in point)
+                fits.append(self._fit(hypotheses, robot, slopes, sample_slopes, self.settings.first_radius))
         return fits
 
     def score(self, fit: SetFit) -> float:
@@ -161,15 +232,15 @@ class SetFitter:
 
         Args:
             fit: the set.
-            weights: of each row; None for equal weights.
+            weights: of each block, shape (blocks,); None for equal weights.
         """
         if not fit.hypotheses:
             return np.empty(0), fit.loss
-        step, left = np.zeros(len(fit.hypotheses)), fit.robot.whitened
+        step = np.zeros(len(fit.hypotheses))
         for _ in range(self.settings.reweighted):
-            step = self._step(fit, self.loss.weights(left), weights, fit.radius)
-            left = fit.robot.whitened + fit.slopes @ step
-        return step, self.loss.total(left) + self._prior(fit, fit.shares + step)
+            step = self._step(fit, step, weights)
+        squares = self.rows.by_trial(fit.products.squares(step))
+        return step, float(self.loss.of_squares(squares).sum()) + self._prior(fit, fit.shares + step)
 
     def descend(self, fits: Sequence[SetFit], rounds: int) -> list[SetFit]:
         """Return the fits after some steps each; in each round two steps of different length are tried."""
@@ -237,19 +308,28 @@ class SetFitter:
     def _reweighted_step(self, fit: SetFit, radius: float) -> Array:
         return self.expected(replace(fit, radius=radius))[0]
 
-    def _step(self, fit: SetFit, robust: Array, weights: Array | None, radius: float) -> Array:
-        """Return the weighted least-squares step within the limits, in ranges, shape (k,)."""
-        root = np.sqrt(robust if weights is None else robust * weights)
+    def _step(self, fit: SetFit, before: Array, weights: Array | None) -> Array:
+        """Return the weighted least-squares step within the limits, in ranges, shape (k,).
+
+        Args:
+            fit: the set.
+            before: a step; the trials are weighted by what the slopes predict after it, shape (k,).
+            weights: of each block; None for equal weights.
+        """
+        products, shares = fit.products, fit.shares
+        by_trial = self.loss.trial_weights(self.rows.by_trial(products.squares(before)))
+        by_block = by_trial[self.rows.trials] * (1.0 if weights is None else weights)
         prior, slope = self.prior_rows(fit)
-        matrix = np.vstack([root[:, None] * fit.slopes, np.diag(slope)])
-        target = np.concatenate([-root * fit.robot.whitened, -prior])
-        upper: Array = np.asarray(np.linalg.qr(np.column_stack([matrix, target]), mode="r"))
-        count, shares = len(fit.hypotheses), fit.shares
+        curvature = np.tensordot(by_block, products.slopes, 1) + np.diag(slope**2)
+        gradient = by_block @ products.mixed + slope * prior
+        scale = np.sqrt(np.maximum(np.diag(curvature), 1e-12))
+        lower = np.linalg.cholesky(curvature / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)))
+        target = -solve_triangular(lower, gradient / scale, lower=True)
         low, high = fit.limits
-        below, above = np.maximum(low - shares, -radius), np.minimum(high - shares, radius)
-        above = np.maximum(above, below + 1e-9)
-        found = lsq_linear(upper[:, :count], upper[:, count], bounds=(below, above), method="bvls")
-        step: Array = found.x
+        below = np.maximum(low - shares, -fit.radius) * scale
+        above = np.maximum(np.minimum(high - shares, fit.radius) * scale, below + 1e-9 * scale)
+        found = lsq_linear(lower.T, target, bounds=(below, above), method="bvls")
+        step: Array = found.x / scale
         return step
 
     def prior_rows(self, fit: SetFit) -> tuple[Array, Array]:
@@ -290,7 +370,7 @@ class SetFitter:
         samples: Array,
         radius: float,
     ) -> SetFit:
-        made = SetFit(hypotheses, robot, slopes, samples, 0.0, radius)
+        made = SetFit(hypotheses, robot, slopes, samples, 0.0, radius, self.rows)
         return replace(made, loss=self._loss(made, robot))
 
     def _learnt(self, fit: SetFit, tried: Iterable[tuple[Array, float, Comparison | None]]) -> SetFit:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
-from gaitopt.diagnose.fit.set_fit import SetFit, SetFitter
+from gaitopt.diagnose.fit.set_fit import Point, SetFit, SetFitter
 from gaitopt.diagnose.fit.settings import SetSettings
 from gaitopt.diagnose.fit.single import robot_request
 from gaitopt.diagnose.fit.trials import Comparison
@@ -94,40 +94,45 @@ class SetSearch:
         nothing = self.fitter.empty(self.nominal)
         places = [(nothing, share) for share in self.settings.starts] + [(grown, self.settings.starts[0])]
         wide = self.coarse.placed([self._point(base, share) for base, share in places])
-        for _ in range(self.settings.coarse_rounds):
+        for count in self.settings.coarse_rounds:
+            wide = sorted(wide, key=self.coarse.score)[:count]
             wide = self.coarse.descend(self.coarse.measure_slopes(wide), self.settings.fine_rounds)
-        wide = sorted(wide, key=self.coarse.score)[: self.settings.refined]
-        wide = [self.fitter.at_robot(fit, fit.robot) for fit in wide]
-        for _ in range(self.settings.coarse_rounds):
-            wide = self.fitter.descend(self.fitter.measure_slopes(wide), self.settings.fine_rounds)
-        best = min(self._kept(wide), key=self.fitter.score)
-        self._exchanged(self._pruned(self._thinned(best)))
+        wide = self._kept(self._refined([self.fitter.at_robot(fit, fit.robot) for fit in wide]))
+        best = self._thinned(min(wide, key=self.fitter.score))
+        for _ in range(self.settings.robust_rounds):
+            best = self._kept(self._refined([best]))[0]
+        self._exchanged(self._pruned(best))
 
-    def _point(self, base: SetFit, share: float) -> dict[Hypothesis, float]:
+    def _point(self, base: SetFit, share: float) -> Point:
         """Return the coordinates of a set with every other effect a little away from neutral."""
-        point = dict(zip(base.hypotheses, base.robot.at.tolist(), strict=True))
+        point = [*zip(base.hypotheses, base.robot.at.tolist(), strict=True)]
         best: dict[str, _Tried] = {}
         for one in self._last.values():
             name = one.hypothesis.effect.name
             if name not in base.effects and (name not in best or one.expected < best[name].expected):
                 best[name] = one
-        for one in best.values():
-            point[one.hypothesis] = _coordinate(one.hypothesis, math.copysign(share, one.share))
+        others = sorted(best.values(), key=lambda one: one.expected)
+        for one in others[: max(0, self.settings.widest_set - len(point))]:
+            point.append((one.hypothesis, _coordinate(one.hypothesis, math.copysign(share, one.share))))
         return point
 
     def _thinned(self, fit: SetFit) -> SetFit:
-        """Return a set without all effects that, as the slopes predict, do not pay for themselves."""
-        thin = fit
-        while len(thin.hypotheses) > 1:
-            smaller = [self.fitter.without_effect(thin, i) for i in range(len(thin.hypotheses))]
-            best = min(smaller, key=self._expected)
-            if self._expected(best) >= self._expected(thin):
-                break
-            thin = replace(best, radius=fit.radius)
-        if thin is fit:
-            return fit
-        fitted = self._fitted(self._simulated([thin]))
-        return fitted if self.fitter.score(fitted) < self.fitter.score(fit) else fit
+        """Return a set without the effects that, as the slopes predict, do not pay for themselves.
+
+        First those are dropped that do nothing, then those that do little: the slopes may be wrong of these.
+        """
+        for worth in (self.settings.price - self.settings.worth, 0.0):
+            thin = fit
+            while len(thin.hypotheses) > 1:
+                smaller = [self.fitter.without_effect(thin, i) for i in range(len(thin.hypotheses))]
+                best = min(smaller, key=self._expected)
+                if self._expected(best) > self._expected(thin) - worth:
+                    break
+                thin = replace(best, radius=fit.radius)
+            if thin is not fit:
+                fitted = self._fitted(self._simulated([thin]), 1)
+                fit = fitted if self.fitter.score(fitted) < self.fitter.score(fit) else fit
+        return fit
 
     @property
     def ranked(self) -> list[SetFit]:
@@ -140,13 +145,13 @@ class SetSearch:
         if not tried:
             return fit
         work = [replace(one.fit, radius=self.settings.first_radius) for one in tried[: self.settings.started]]
-        return self._fitted(work)
+        return self._fitted(work, self.settings.refined)
 
-    def _fitted(self, work: Sequence[SetFit]) -> SetFit:
-        """Return the best of some sets after all were fitted roughly and the best of them well."""
+    def _fitted(self, work: Sequence[SetFit], refined: int) -> SetFit:
+        """Return the best of some sets after all were fitted roughly and the best `refined` of them well."""
         rough = self._kept(self.fitter.descend(work, self.settings.rough_rounds))
         order = sorted(rough, key=self.fitter.score)
-        leading = order[: self.settings.refined]
+        leading = order[:refined]
         fine = self._kept(self._refined(leading))
         return min([*fine, *order], key=self.fitter.score)
 
@@ -189,18 +194,21 @@ class SetSearch:
         return sorted({last, *(sign * self.settings.screened[0] for sign in signs)})
 
     def _pruned(self, fit: SetFit) -> SetFit:
-        """Return a set without the effects that do not pay for themselves."""
+        """Return a set without the effects that do not pay for themselves.
+
+        Each is left out of a simulated robot: near its neutral value the slopes may be those of its far side.
+        """
         while len(fit.hypotheses) > 1:
-            without = [self.fitter.without_effect(fit, i) for i in range(len(fit.hypotheses))]
+            smaller = [self.fitter.without_effect(fit, i) for i in range(len(fit.hypotheses))]
+            without = self._simulated([one for one in smaller if one.names not in self.found])
             limit = self.fitter.score(fit) + self.settings.doubtful
-            doubtful = [one for one in without if self._expected(one) < limit and one.names not in self.found]
-            doubtful = sorted(doubtful, key=self._expected)[: self.settings.dropped]
+            doubtful = sorted((one for one in without if self._expected(one) < limit), key=self._expected)
             if not doubtful:
                 return fit
-            smaller = self._fitted(self._simulated(doubtful))
-            if self.fitter.score(smaller) >= self.fitter.score(fit):
+            better = self._fitted(doubtful[: self.settings.dropped], 1)
+            if self.fitter.score(better) >= self.fitter.score(fit):
                 return fit
-            fit = smaller
+            fit = better
         return fit
 
     def _simulated(self, fits: Sequence[SetFit]) -> list[SetFit]:
@@ -221,7 +229,7 @@ class SetSearch:
             swaps = self._swaps(fit)
             if not swaps:
                 return fit
-            better = self._fitted(self._simulated(swaps))
+            better = self._fitted(self._simulated(swaps), 1)
             if self.fitter.score(better) >= self.fitter.score(fit) - self.settings.worth:
                 return fit
             fit = self._pruned(better)

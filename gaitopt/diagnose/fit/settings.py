@@ -196,6 +196,7 @@ class SetSettings:
     Attributes:
         freedom: degrees of freedom of the scale of each trial's covariance; see `RobustLoss`.
         temper: number of rows that count as one.
+        errors_rad: sizes of the error that all trials share, rad.
         prior_weight: weight of the prior of a fitted parameter.
         prior_freedom: degrees of freedom of the Student's t tails of the priors.
         price: loss that an effect must save at least, or it is left out.
@@ -220,8 +221,12 @@ class SetSettings:
         right: if the set leaves more than this mean whitened square
         few: in more than this share of the trials.
         starts: shares of the way from neutral to the better bound at which all effects begin.
-        coarse_rounds: rounds in which all effects are fitted together by each loss.
+        coarse_rounds: number of these starts that are fitted further in each round, by the first loss,
+        robust_rounds: rounds of the best of them by the second, after those that do nothing were dropped.
+        widest_set: effects that are fitted together, at most: those that promised most when tried alone.
         gaussian: degrees of freedom of the first of these losses: so many that no trial can leave it.
+        heldout_radius: longest step of a coordinate to the fit without a fold, in ranges: the slopes are not
+            those of places farther away.
         inclusion: loss that the prior asks of each effect of a set when sets are judged on held-out trials.
         motion: error of a model that the first of these losses expects, as a share of the motion.
         reweighted: times that the weights of the trials are found anew for a step.
@@ -235,32 +240,36 @@ class SetSettings:
 
     freedom: float = 4.0
     temper: float = 3.0
-    prior_weight: float = 0.3
+    errors_rad: tuple[float, ...] = (0.0, *(1e-4 * 1.5**k for k in range(18)))
+    prior_weight: float = 0.6
     prior_freedom: float = 3.0
     price: float = 6.0
     worth: float = 1.0
     screened: tuple[float, ...] = (0.1, 0.35, 0.8)
     beyond: float = 1.6
-    started: int = 6
+    started: int = 5
     rough_rounds: int = 3
     refined: int = 2
     fine_rounds: int = 3
     doubtful: float = 8.0
-    dropped: int = 3
-    swapped: int = 6
+    dropped: int = 2
+    swapped: int = 4
     exchanges: int = 2
     leading: float = 12.0
-    finished: int = 3
-    finish_rounds: int = 3
+    finished: int = 2
+    finish_rounds: int = 2
     most_effects: int = 14
     most_rows: float = 10.0
-    one_by_one: int = 4
+    one_by_one: int = 3
     right: float = 2.0
     few: float = 0.2
     starts: tuple[float, ...] = (0.05, 0.15)
-    coarse_rounds: int = 6
+    coarse_rounds: tuple[int, ...] = (3, 2, 2, 2)
+    robust_rounds: int = 3
+    widest_set: int = 18
     gaussian: float = 1000.0
-    inclusion: float = 4.0
+    heldout_radius: float = 0.1
+    inclusion: float = 6.0
     motion: float = 0.1
     reweighted: int = 3
     first_radius: float = 0.35

@@ -141,6 +141,11 @@ class TrialSet:
         """Mean square of the whitened motion of each trial about its mean, shape (trials,)."""
         return np.array([one.motion for one in self.trials])
 
+    @cached_property
+    def per_error(self) -> Array:
+        """Mean whitened square of a smooth error of 1 rad in each trial, shape (trials,)."""
+        return np.array([one.per_error for one in self.trials])
+
     @property
     def fold_weights(self) -> list[tuple[Indices, Array]]:
         """Each fold with the weights of the blocks that its fit may use, shape (blocks,)."""

@@ -181,7 +181,7 @@ class Causes:
             for index, hypothesis in enumerate(candidate.hypotheses):
                 name, target = hypothesis.effect.name, hypothesis.target
                 firsts.setdefault(name, (candidate, index))
-                totals[name] = totals.get(name, 0.0) + (1.0 - self.other_probability) * chance
+                totals[name] = totals.get(name, 0.0) + self._of_library * chance
                 own = targets.setdefault(name, {})
                 own[target] = own.get(target, 0.0) + chance
         rows = [
@@ -195,6 +195,11 @@ class Causes:
         if self.gap is None or self.best is None:
             return None
         return self._meter.measure(self.best, floor, trial)
+
+    @property
+    def _of_library(self) -> float:
+        """What probabilities are multiplied with: an effect of a set may be at work beside something else."""
+        return 1.0 if self.judgement.sets is not None else 1.0 - self.other_probability
 
     @property
     def _meter(self) -> GapMeter:
@@ -238,7 +243,7 @@ class Causes:
         rows: list[dict[str, Any]] = []
         for candidate, chance in zip(self.candidates, self.probabilities.tolist(), strict=True):
             if chance >= LEAST_PROBABLE or not rows:
-                rows.append(self._explanation(candidate, (1.0 - self.other_probability) * chance))
+                rows.append(self._explanation(candidate, self._of_library * chance))
         return rows
 
     def _explanation(self, candidate: Candidate, probability: float) -> dict[str, Any]:

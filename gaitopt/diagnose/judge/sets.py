@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.robust import RobustLoss
 from gaitopt.diagnose.fit.runner import RobotRequest, Runner
-from gaitopt.diagnose.fit.set_fit import SetFit, SetFitter
+from gaitopt.diagnose.fit.set_fit import RowBlocks, SetFit, SetFitter
 from gaitopt.diagnose.fit.set_search import SetSearch
 from gaitopt.diagnose.fit.settings import SetSettings
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
@@ -53,15 +53,23 @@ class SetJudge:
         def simulate(requests: Sequence[RobotRequest]) -> list[Comparison | None]:
             return stage(trial_set, requests)
 
-        loss = RobustLoss(trial_set.row_trials, settings.freedom, settings.temper, settings.most_rows)
-        return SetJudge(trial_set, loss, SetFitter(loss, simulate, settings), settings)
+        loss = RobustLoss(
+            trial_set.row_trials,
+            settings.freedom,
+            settings.temper,
+            settings.most_rows,
+            trial_set.per_error,
+            settings.errors_rad,
+        )
+        rows = RowBlocks(trial_set.row_blocks, trial_set.block_trials)
+        return SetJudge(trial_set, loss, SetFitter(loss, simulate, rows, settings), settings)
 
     def search(self, hypotheses: Sequence[Hypothesis], nominal: Comparison) -> list[SetFit]:
         """Return the sets that were fitted, the best first; the empty set is among them."""
         settings, loss = self.settings, self.loss
         scales = 1.0 + settings.motion**2 * self.trial_set.motions
-        wide = RobustLoss(loss.row_trials, settings.gaussian, settings.temper, settings.most_rows, scales)
-        coarse = SetFitter(wide, self.fitter.simulate, settings)
+        wide = replace(loss, freedom=settings.gaussian, errors=(0.0,), scales=scales)
+        coarse = replace(self.fitter, loss=wide)
         return SetSearch(self.fitter, hypotheses, nominal, settings, coarse).run()
 
     def candidate(self, fit: SetFit) -> Candidate:
@@ -113,8 +121,8 @@ class SetJudge:
 
     def _step_without(self, fit: SetFit, weights: Array) -> Array:
         """Return the step, in ranges, to the fit with other weights of the blocks."""
-        wide = replace(fit, radius=self.settings.widest)
-        return self.fitter.expected(wide, weights[self.trial_set.row_blocks])[0]
+        wide = replace(fit, radius=self.settings.heldout_radius)
+        return self.fitter.expected(wide, weights)[0]
 
 
 @dataclass(frozen=True)
@@ -174,17 +182,11 @@ def set_intervals(fit: SetFit, loss: RobustLoss, fitter: SetFitter, changes: Arr
 
 def covariance(fit: SetFit, loss: RobustLoss, fitter: SetFitter, changes: Array) -> Array:
     """Return the covariance of a set's parameters, in squares of their ranges, shape (k, k)."""
-    weights = loss.weights(fit.robot.whitened)
-    weighted = weights[:, None] * fit.slopes
+    weights = loss.trial_weights(loss.squares(fit.robot.whitened))
+    weighted = weights[loss.row_trials][:, None] * fit.slopes
     _, prior = fitter.prior_rows(fit)
     inverse = np.linalg.pinv(fit.slopes.T @ weighted + np.diag(prior**2))
-    gradients = np.stack(
-        [
-            np.bincount(loss.row_trials, column * fit.robot.whitened, minlength=len(loss.rows))
-            for column in weighted.T
-        ],
-        axis=1,
-    )
+    gradients = weights[:, None] * fit.rows.by_trial(fit.products.mixed)
     count, k = len(loss.rows), len(fit.hypotheses)
     scatter = gradients.T @ gradients * count / max(1, count - k)
     sandwich = inverse @ scatter @ inverse

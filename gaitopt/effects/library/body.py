@@ -44,7 +44,11 @@ GROUND_SLOPE = Effect(
 
 
 def _first_module_is_held(parts: Parts) -> str | None:
-    return "the first module is held" if parts.model.body_weldid[FIRST_BODY] == 0 else None
+    """Return that the first module is part of the world, or turns only as servos turn it; else None."""
+    first = int(parts.model.body_jntadr[FIRST_BODY])
+    joints = set(range(first, first + int(parts.model.body_jntnum[FIRST_BODY])))
+    every = Parts(parts.model, parts.roles, parts.channels)
+    return "the first module is held" if joints <= set(every.servo_joints) else None
 
 
 def _add_mass(parts: Parts, mass: float, _: float) -> None:

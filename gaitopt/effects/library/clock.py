@@ -29,6 +29,7 @@ CLOCK_OFFSET = Effect(
     prior=Prior("normal", 0.0, 0.1, "a start found by eye in a video: within some frames of 1/30 s"),
     needs_known_start=True,
     shifts_start=True,
+    of_clock=True,
     observe=_start_late,
 )
 
@@ -54,6 +55,7 @@ CLOCK_RATE = Effect(
     ),
     allowed=(0.0, math.inf),
     needs_known_start=True,
+    of_clock=True,
     observe=_run_fast,
 )
 

@@ -1,0 +1,119 @@
+"""Sets of effects are fitted by a robust loss, grown, thinned and exchanged."""
+
+import numpy as np
+import pytest
+from toysets import ToyBench, curved, late
+
+from gaitopt.core.streams import seeded
+from gaitopt.diagnose.fit.robust import RobustLoss
+from gaitopt.diagnose.fit.set_fit import Products, RowBlocks
+
+TRIALS, EACH = 12, 20
+ROWS = TRIALS * EACH
+
+
+def bench(planted: dict[str, float], seed: int, effects: int = 9) -> ToyBench:
+    rng = seeded(seed)
+    responses = {
+        f"effect_{i}": late(rng, ROWS, 8.0) if i % 3 == 2 else curved(rng, ROWS, 8.0) for i in range(effects)
+    }
+    measured = rng.standard_normal(ROWS)
+    for name, size in planted.items():
+        measured = measured + responses[name](size)
+    return ToyBench(responses, measured, TRIALS)
+
+
+def test_the_weights_are_the_slope_of_the_loss() -> None:
+    trials = np.repeat(np.arange(3), 10)
+    loss = RobustLoss(trials, 4.0, 3.0, 10.0, np.ones(3), (0.0, 0.5, 2.0))
+    white = seeded(1).standard_normal(30) * np.repeat([1.0, 3.0, 30.0], 10)
+    weights = loss.trial_weights(loss.squares(white))[trials]
+    for row in (0, 12, 25):
+        aside = white.copy()
+        aside[row] += 1e-5
+        slope = (loss.total(aside) - loss.total(white)) / 1e-5
+        assert slope == pytest.approx(2.0 * weights[row] * white[row], rel=1e-3)
+
+
+def test_a_trial_that_nothing_fits_hardly_counts() -> None:
+    trials = np.repeat(np.arange(3), 10)
+    loss = RobustLoss(trials, 4.0, 3.0, 10.0, np.ones(3))
+    weights = loss.trial_weights(loss.squares(np.repeat([1.0, 1.0, 100.0], 10)))
+    assert weights[2] < 1e-3 * weights[0]
+
+
+def test_a_long_trial_counts_as_a_limited_number_of_rows() -> None:
+    short, long = (RobustLoss(np.zeros(n, dtype=np.intp), 4.0, 3.0, 10.0, np.ones(1)) for n in (30, 300))
+    assert short.total(2.0 * np.ones(30)) == pytest.approx(long.total(2.0 * np.ones(300)))
+
+
+def test_trials_share_an_error_that_lies_above_their_floors() -> None:
+    trials = np.repeat(np.arange(4), 20)
+    loss = RobustLoss(trials, 4.0, 3.0, 10.0, np.array([1e6, 1e4, 1e6, 1e4]), (0.0, 0.003, 0.01, 0.03))
+    white = seeded(3).standard_normal(80)
+    assert loss.shared_error(loss.squares(white)) == 0.0
+    off = white * np.repeat([10.0, 1.4, 10.0, 1.4], 20)
+    assert loss.shared_error(loss.squares(off)) == 0.01
+
+
+def test_products_tell_what_each_block_leaves_after_a_step() -> None:
+    rng = seeded(2)
+    white, slopes, step = rng.standard_normal(40), rng.standard_normal((40, 3)), rng.standard_normal(3)
+    rows = RowBlocks(np.repeat(np.arange(4), 10), np.array([0, 0, 1, 1]))
+    after = white + slopes @ step
+    found = Products.of(white, slopes, rows).squares(step)
+    np.testing.assert_allclose(found, np.sum(after.reshape(4, 10) ** 2, axis=1))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_an_effect_alone_is_found_and_sized(seed: int) -> None:
+    best = bench({"effect_4": 0.5}, seed).search().run()[0]
+    assert best.names == {"effect_4"}
+    assert best.shares[0] == pytest.approx(0.5, abs=0.03)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_three_effects_are_found_and_sized(seed: int) -> None:
+    planted = {"effect_0": 0.4, "effect_2": 0.7, "effect_7": 0.3}
+    best = bench(planted, seed).search().run()[0]
+    found = dict(zip(best.effects, best.shares.tolist(), strict=True))
+    assert set(found) == set(planted)
+    assert found == pytest.approx(planted, abs=0.05)
+
+
+def test_seven_effects_at_once_are_found() -> None:
+    planted = {f"effect_{i}": 0.3 + 0.05 * i for i in range(7)}
+    best = bench(planted, 4, effects=12).search().run()[0]
+    found = dict(zip(best.effects, best.shares.tolist(), strict=True))
+    assert {name: found.pop(name) for name in planted} == pytest.approx(planted, abs=0.05)
+    assert all(share < 0.05 for share in found.values())
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_noise_alone_has_no_effect(seed: int) -> None:
+    best = bench({}, seed).search().run()[0]
+    assert best.names == frozenset()
+
+
+def test_a_trial_that_slipped_does_not_spoil_the_rest() -> None:
+    made = bench({"effect_1": 0.5}, 5)
+    made.measured[:EACH] += 30.0
+    best = made.search().run()[0]
+    assert "effect_1" in best.names
+    share = dict(zip(best.effects, best.shares.tolist(), strict=True))["effect_1"]
+    assert share == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_robot_that_cannot_be_simulated_is_left_out() -> None:
+    made = bench({"effect_4": 0.5}, 1)
+    compare = made.simulate
+    made.simulate = lambda requests: [  # type: ignore[method-assign]
+        None if "effect_3" in request.effects else one
+        for request, one in zip(requests, compare(requests), strict=True)
+    ]
+    assert made.search().run()[0].names == {"effect_4"}
+
+
+def test_a_search_is_the_same_every_time() -> None:
+    first, again = (bench({"effect_0": 0.4, "effect_5": 0.6}, 6).search().run() for _ in range(2))
+    assert [fit.loss for fit in first] == [fit.loss for fit in again]
