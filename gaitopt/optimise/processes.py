@@ -18,6 +18,10 @@ _LIVES = 5
 """A call that has lost this many worker processes is assumed to kill them."""
 
 
+class LostWorkersError(GaitoptError):
+    """Worker processes that died each time at the same call."""
+
+
 class ProcessExecutor(ThreadPoolExecutor):
     """Worker processes. When one dies, all are replaced and their unfinished calls are repeated.
 
@@ -25,10 +29,17 @@ class ProcessExecutor(ThreadPoolExecutor):
     Twice as many threads as processes keep the processes busy.
     """
 
-    def __init__(self, workers: int):
+    def __init__(self, workers: int, lives: int = _LIVES):
+        """Begin without processes; the first call starts them.
+
+        Args:
+            workers: how many there are.
+            lives: a call that has lost this many of them is not repeated: it raises `LostWorkersError`.
+        """
         resource_tracker.ensure_running()  # starting it later would let Ctrl-C through again
         super().__init__(2 * workers, initializer=_block_interrupts)
         self._workers = workers
+        self._lives = lives
         self._replacing = threading.Lock()
         self._pool = self._opened()
 
@@ -42,14 +53,14 @@ class ProcessExecutor(ThreadPoolExecutor):
         self._pool.shutdown(wait, cancel_futures=cancel_futures)
 
     def _call(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any:
-        for _ in range(_LIVES):
+        for _ in range(self._lives):
             pool = self._pool
             try:
                 return pool.submit(function, *args, **kwargs).result()
             except BrokenProcessPool:
                 self._replace(pool)
-        raise GaitoptError(
-            f"--executor processes: {_LIVES} worker processes in a row were killed; is memory short?"
+        raise LostWorkersError(
+            f"--executor processes: {self._lives} worker processes in a row were killed; is memory short?"
         )
 
     def _replace(self, broken: ProcessPoolExecutor) -> None:

@@ -6,15 +6,13 @@ limit of memory; whatever happens to it is one line here.
 
 from __future__ import annotations
 
-import io
-import json
 import os
-import subprocess
 import sys
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,10 +21,9 @@ from numpy.typing import NDArray
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import read_bytes
 from gaitopt.core.text import one_line
+from gaitopt.optimise.processes import LostWorkersError, ProcessExecutor
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     from pyarrow import Array, Table
 
 Columns = dict[str, NDArray[np.float64]]
@@ -38,17 +35,6 @@ addresses."""
 
 _SHOWN = 20
 """Columns that a message lists."""
-
-_BEGIN = "reading"
-"""What the process says as it begins with a file."""
-
-_REFUSED = 3
-"""Exit code of the process where it says in one line what is wrong."""
-
-_CODE = (
-    "import json, sys; path, *asked = json.load(sys.stdin); sys.path[:] = path; "
-    "from gaitopt.diagnose.record.parquet import serve; serve(*asked)"
-)
 
 
 def read_parquet(paths: Sequence[Path], columns: Sequence[str], most: int) -> list[Columns]:
@@ -65,46 +51,40 @@ def read_parquet(paths: Sequence[Path], columns: Sequence[str], most: int) -> li
     """
     if find_spec("pyarrow") is None:
         raise GaitoptError("LeRobot data sets need pyarrow: pip install gaitopt[lerobot]")
-    asked = json.dumps([sys.path, list(map(str, paths)), list(columns), most])
-    command = [sys.executable, "-P", "-c", _CODE]
-    environment = {**os.environ, "ARROW_DEFAULT_MEMORY_POOL": "system"}
-    done = subprocess.run(command, input=asked.encode(), capture_output=True, env=environment, check=False)
-    said = done.stderr.decode(errors="replace").splitlines()
-    if done.returncode == _REFUSED and said:
-        raise GaitoptError(said[-1])
-    if done.returncode != 0:
-        begun = max(1, sum(line == _BEGIN for line in said))
-        raise GaitoptError(f"{paths[begun - 1]}: no Parquet file that can be read")
-    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
-        numbers = iter(arrays.values())
-        return [{name: next(numbers) for name in columns} for _ in paths]
+    tables: list[Columns] = []
+    with _no_program(), ProcessExecutor(1, lives=1) as executor:
+        for path in paths:
+            try:
+                tables.append(executor.submit(parquet_columns, path, columns, most).result())
+            except LostWorkersError:
+                raise GaitoptError(f"{path}: no Parquet file that can be read") from None
+            most -= sum(numbers.size for numbers in tables[-1].values())
+    return tables
 
 
-def serve(paths: Sequence[str], columns: Sequence[str], most: int) -> None:
-    """Read Parquet files and write their columns to standard output: the work of the process."""
-    _limit()
-    arrays: list[NDArray[np.float64]] = []
+@contextmanager
+def _no_program() -> Iterator[None]:
+    """Let no worker process run the program that called: a script may do its work when it is imported."""
+    program = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
     try:
-        for path in map(Path, paths):
-            print(_BEGIN, file=sys.stderr, flush=True)
-            arrays += _read(path, columns, most - sum(map(np.size, arrays)))
-    except GaitoptError as error:
-        print(error, file=sys.stderr)
-        sys.exit(_REFUSED)
-    np.savez(sys.stdout.buffer, *arrays)
+        yield
+    finally:
+        sys.modules["__main__"] = program
 
 
-def _limit() -> None:
-    """Limit the memory of this process, and write no core file if it is ended."""
-    with suppress(ImportError, ValueError, OSError):  # not on Windows; a lower limit may be set already
-        import resource
+def parquet_columns(path: Path, columns: Sequence[str], most: int) -> Columns:
+    """Return the columns of one file: the work of the process.
 
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
+    Args:
+        path: the file.
+        columns: the columns' names.
+        most: most numbers.
 
-
-def _read(path: Path, columns: Sequence[str], most: int) -> list[NDArray[np.float64]]:
-    """Return the columns of one file."""
+    Raises:
+        GaitoptError: see `read_parquet`.
+    """
+    _limit()
     import pyarrow as arrow
     from pyarrow import parquet
 
@@ -119,12 +99,25 @@ def _read(path: Path, columns: Sequence[str], most: int) -> list[NDArray[np.floa
         table = file.read(columns=list(columns), use_threads=False)
         if table.num_rows == 0:
             raise GaitoptError(f"{path}: no rows")
-        lists = [_values(path, table, name, arrow) for name in columns]
+        lists = {name: _values(path, table, name, arrow) for name in columns}
     except (arrow.ArrowException, OSError, ValueError, MemoryError, OverflowError) as error:
         raise GaitoptError(f"{path}: no Parquet file that can be read: {one_line(error)[:200]}") from None
-    _check_count(path, sum(map(len, lists)), most)
-    flat = [np.array(values.to_numpy(zero_copy_only=False), dtype=float) for values in lists]
-    return [numbers.reshape(table.num_rows, len(numbers) // table.num_rows) for numbers in flat]
+    _check_count(path, sum(map(len, lists.values())), most)
+    arrays = {}
+    for name, values in lists.items():
+        numbers = np.array(values.to_numpy(zero_copy_only=False), dtype=float)
+        arrays[name] = numbers.reshape(table.num_rows, len(numbers) // table.num_rows)
+    return arrays
+
+
+def _limit() -> None:
+    """Limit the memory of this process, and write no core file if it is ended."""
+    os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"  # the others reserve addresses
+    with suppress(ImportError, ValueError, OSError):  # not on Windows; a lower limit may be set already
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
 
 
 def _check_count(path: Path, count: int, most: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -271,13 +272,29 @@ def test_a_broken_data_set_is_one_line(tmp_path: Path, case: str) -> None:
         assert said in refused(lambda: import_path(folder, DEGREES))
 
 
+def ending(path: Path, columns: Sequence[str], most: int) -> None:
+    """End the process, as pyarrow does with some broken files."""
+    os.kill(os.getpid(), 9)
+
+
 def test_a_file_that_ends_the_reader_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As pyarrow does with some broken files."""
     folder = version_3(tmp_path / "picking")
-    code = "import os, sys; print('reading', file=sys.stderr, flush=True); os.kill(os.getpid(), 9)"
-    monkeypatch.setattr(parquet, "_CODE", code)
+    monkeypatch.setattr(parquet, "parquet_columns", ending)
     said = refused(lambda: import_path(folder, DEGREES))
     assert said == f"{folder}/data/chunk-000/file-000.parquet: no Parquet file that can be read"
+
+
+def test_a_script_need_not_be_written_for_worker_processes(tmp_path: Path) -> None:
+    """One without the usual last lines, whose work begins when it is imported."""
+    folder, script = version_3(tmp_path / "picking"), tmp_path / "script.py"
+    script.write_text(
+        "import gaitopt\n"
+        "from gaitopt.diagnose.record.export import ImportOptions\n"
+        f"done = gaitopt.import_recordings([{str(folder)!r}], None, 'out', ImportOptions(angle_unit='deg'))\n"
+        "print(len(done.recordings))\n"
+    )
+    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("3\n", "")
 
 
 def test_a_folder_or_a_table_alone_is_no_data_set(tmp_path: Path) -> None:
