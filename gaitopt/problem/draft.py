@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from gaitopt.core.errors import GaitoptError, bad_value
-from gaitopt.core.files import read_bytes, write_text
+from gaitopt.core.files import read_bytes, write_bytes, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.problem.guesses import (
     GuessedChannel,
@@ -69,12 +69,14 @@ def make_problem(name: str, mjcf: Path, folder: Path) -> Draft:
     root, included = read_mjcf(mjcf)
     assets = named_files(root, mjcf)
     files = [mjcf, *included, *(path for path, _ in assets.values())]
+    if mjcf.parent / PROBLEM_FILE in files:
+        raise GaitoptError(f"{mjcf}: it names the file {PROBLEM_FILE}; allowed: another name")
     draft = _draft(root, mjcf, {name: data for name, (_, data) in assets.items()})
     with filling(folder):
         for file in files:
             target = folder / file.relative_to(mjcf.parent)
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(read_bytes(file))
+            write_bytes(target, read_bytes(file))
         write_text(folder / PROBLEM_FILE, _text(name, mjcf.name, draft))
         nominal_mjcf(load_problem(folder))  # what was written must be a problem
     return draft

@@ -221,6 +221,14 @@ def test_cases_are_made_in_a_folder_of_such_cases_alone(cases: Path, tmp_path: P
     assert (cases / "nominal" / "problem.toml").read_text() != before
 
 
+def test_blind_cases_and_diagnoses_that_are_there_are_kept(cases: Path, capsys: Any) -> None:
+    before = {path: path.stat().st_mtime_ns for path in cases.rglob("*.[jc]s*")}
+    assert run(capsys, *MAKE, "--cases", 3, "--out", cases) == (0, "")
+    assert run(capsys, "blind", "score", cases) == (0, "")
+    assert {path: path.stat().st_mtime_ns for path in cases.rglob("*.[jc]s*")} == before
+    assert len(before) == 6
+
+
 def test_two_makers_of_cases_cannot_share_a_folder(cases: Path, tmp_path: Path, capsys: Any) -> None:
     (cases / "sealed" / ".case-003.abcd1234.json").write_text("half")
     with held(cases):

@@ -27,6 +27,7 @@ from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.run import Request
+from gaitopt.problem.draft import make_problem
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import load_problem
 from gaitopt.runs.run_folder import RunFolder
@@ -158,6 +159,42 @@ def test_a_gait_called_as_the_data_set_itself_is_not_overwritten(tmp_path: Path)
     gait.write_text("mine")
     said = refused(lambda: import_files([walk], [str(gait)], tmp_path / "out", ImportOptions()))
     assert "a data set has a file of this name" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_no_gait_takes_the_place_of_a_file_of_the_data_set(tmp_path: Path) -> None:
+    """Neither of a table nor of another gait; the same gait for two recordings is one file."""
+    walks, gaits = [tmp_path / "walk.csv", tmp_path / "run.csv"], []
+    for walk in walks:
+        walk.write_text("t_s,x_m\n" + "\n".join(f"{0.1 * i},{i}" for i in range(30)))
+    for name in ("a/gait.toml", "b/gait.toml", "a/run.csv"):
+        gaits.append(str(tmp_path / name))
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(name)
+    for pair, said in ((gaits[:2], "another gait has"), (gaits[1:], "a data set has")):
+        found = refused(lambda pair=pair: import_files(walks, pair, tmp_path / "out", ImportOptions()))  # type: ignore[misc]
+        assert f"{said} a file of this name" in found
+        assert not (tmp_path / "out").exists()
+    import_files(walks, gaits[:1], tmp_path / "out", ImportOptions())
+    assert (tmp_path / "out" / "gait.toml").read_text() == "a/gait.toml"
+
+
+def test_the_gait_of_a_run_is_copied_beside_a_recording(tmp_path: Path) -> None:
+    (tmp_path / "walk.csv").write_text("t_s,x_m\n" + "\n".join(f"{0.1 * i},{i}" for i in range(30)))
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "best.toml").write_text("a gait")
+    import_files([tmp_path / "walk.csv"], [str(tmp_path / "run")], tmp_path / "out", ImportOptions())
+    assert (tmp_path / "out" / "best.toml").read_text() == "a gait"
+    assert 'gait = "best.toml"' in (tmp_path / "out" / "dataset.toml").read_text()
+
+
+def test_a_model_that_names_a_problem_file_becomes_no_problem(tmp_path: Path) -> None:
+    folder = problem_folder(tmp_path / "robot", STRIDER)
+    element = '<asset><hfield name="h" file="problem.toml" size="1 1 1 1"/></asset>'
+    edited(folder / "strider.xml", "</worldbody>", "</worldbody>" + element)
+    (folder / "problem.toml").write_bytes(b"\2\0\0\0\2\0\0\0" + 16 * b"\0")
+    said = refused(lambda: make_problem("bot", folder / "strider.xml", tmp_path / "out"))
+    assert "it names the file problem.toml" in said
     assert not (tmp_path / "out").exists()
 
 

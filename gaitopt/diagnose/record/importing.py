@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import tomli_w
 from numpy.typing import ArrayLike
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.files import csv_text, read_bytes, write_text
+from gaitopt.core.files import csv_text, found_inside, read_bytes, write_bytes, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.core.validation import validated
 from gaitopt.diagnose.record.cleaning import clean
@@ -160,10 +160,11 @@ def import_files(
     imported = [recording for path in files for recording in import_path(path, options)]
     each = _gait_of_each(imported, gaits, options)
     _check_names(imported)
+    taken = {DATASET_FILE, *(f"{name}.csv" for recording in imported for name in _tables_of(recording))}
     entries = []
     with filling(folder):
         for recording, gait in zip(imported, each, strict=True):
-            beside = None if gait is None else _gait_beside(folder, gait)
+            beside = None if gait is None else _gait_beside(folder, gait, taken)
             entries.append(_write_trial(folder, recording, beside, options))
         content = {"trial": entries}
         write_text(folder / DATASET_FILE, tomli_w.dumps(content))
@@ -205,14 +206,24 @@ def _tables_of(recording: Imported) -> list[str]:
     return [recording.name, *([f"{recording.name}-commands"] if recording.sent else [])]
 
 
-def _gait_beside(folder: Path, gait: str) -> str:
-    """Copy a gait file into the data set's folder; return the name to refer to."""
-    path = Path(gait)
+def _gait_beside(folder: Path, gait: str, taken: Collection[str]) -> str:
+    """Copy a gait file, or the best gait of a run, into the data set's folder; return the name to refer to.
+
+    Args:
+        folder: the data set.
+        gait: a file, a run folder, or a name that the problem knows.
+        taken: names of the data set's own files.
+    """
+    best = found_inside(Path(gait), "best.toml") if Path(gait).is_dir() else None
+    path = best or Path(gait)
     if not path.is_file():
         return gait
-    if path.name == DATASET_FILE:
+    if path.name in taken:
         raise GaitoptError(f"--gait: {path}: a data set has a file of this name; rename the gait's")
-    (folder / path.name).write_bytes(read_bytes(path))
+    data, copy = read_bytes(path), folder / path.name
+    if copy.exists() and read_bytes(copy) != data:
+        raise GaitoptError(f"--gait: {path}: another gait has a file of this name; rename one")
+    write_bytes(copy, data)
     return path.name
 
 
