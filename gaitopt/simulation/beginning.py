@@ -21,6 +21,11 @@ Array = NDArray[np.float64]
 _FAR_RAD = 0.25
 """A servo at rest is closer than this to the target that it holds, rad: more than load and friction make."""
 
+_OFF_RAD = 0.09
+"""A servo that rests this close to its start target holds it, rad: trim, load and friction put it off by 5
+degrees. The first step of a log may be smaller than that, and is then no sign of what was held before.
+"""
+
 _MEASURED = 1e-4
 """How far a measured joint moves to meet a constraint, compared with another joint."""
 
@@ -36,9 +41,9 @@ _CLOSED = 1e-10
 def held_before(problem: Problem, drive: Drive, model: mujoco.MjModel) -> Array:
     """Return the targets that the servos hold before a drive's gait time 0, rad, shape (nu,).
 
-    They are the problem's start targets. A servo whose joint was measured holds the drive's first target
-    instead, where that is nearer to the measured angle, and holds the measured angle where both are far from
-    it. A servo whose first target is NaN is unpowered before, too.
+    They are the problem's start targets. A servo whose joint was measured away from there holds the drive's
+    first target instead, where that is nearer to the measured angle, and holds the measured angle where both
+    are far from it. A servo whose first target is NaN is unpowered before, too.
     """
     held = start_targets(problem)
     if drive.start is None:
@@ -49,6 +54,8 @@ def held_before(problem: Problem, drive: Drive, model: mujoco.MjModel) -> Array:
             held[index] = np.nan
         elif joint is not None and joint in drive.start:
             at = drive.start[joint]
+            if abs(held[index] - at) <= _OFF_RAD:
+                continue
             near = min(held[index], first[index], key=lambda target: abs(target - at))
             held[index] = near if abs(near - at) <= _FAR_RAD else at
     return held

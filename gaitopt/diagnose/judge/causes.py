@@ -201,7 +201,7 @@ class Causes:
         """What probabilities are multiplied with: an effect of a set may be at work beside something else."""
         return 1.0 if self.judgement.sets is not None else 1.0 - self.other_probability
 
-    @property
+    @cached_property
     def _meter(self) -> GapMeter:
         draws = self.judgement.settings.evidence.gap_draws
         return GapMeter(self.trial_set, self.nominal, self.seed, draws)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +101,12 @@ class GapMeter:
     seed: int
     draws: int
 
+    @cached_property
+    def _drawn(self) -> list[Array]:
+        """How often each block is drawn in each resampling; each array of shape (blocks,)."""
+        rng = generator(self.seed, Stream.GAP_BOOTSTRAP)
+        return [resampled(self.trial_set.block_trials, rng) for _ in range(self.draws)]
+
     def measure(self, candidate: Candidate, floor: float, trial: int | None = None) -> Gap:
         """Return the marker's gap before and after a candidate.
 
@@ -132,8 +139,7 @@ class GapMeter:
         samples = np.bincount(blocks, minlength=count) / axes
         groups = trial_set.block_trials
         weights = np.ones(count) if trial is None else (groups == trial).astype(float)
-        rng = generator(self.seed, Stream.GAP_BOOTSTRAP)
-        drawn = (weights * resampled(groups, rng) for _ in range(self.draws))
+        drawn = (weights * counts for counts in self._drawn)
         return _Squares(before, after, samples).gap(weights, floor, drawn)
 
 

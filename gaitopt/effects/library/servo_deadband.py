@@ -17,7 +17,7 @@ def _add_opposition(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
     """Add to each servo an actuator that cancels its torque while its error is small.
 
     kp clip(e, -d, d) subtracted from kp e leaves kp (e - d) outside the band and nothing inside. The
-    servo's torque is then measured at the joint.
+    servo's torque is then measured at the joint. It sees the error through the servo's own lag.
     """
     for index in nominal.servos:
         servo = spec.actuators[index]
@@ -30,6 +30,9 @@ def _add_opposition(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
             biastype=mujoco.mjtBias.mjBIAS_AFFINE,
             forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
             forcerange=[-1.0, 1.0],
+            dyntype=servo.dyntype,
+            dynprm=servo.dynprm,
+            actearly=servo.actearly,
         )
         for sensor in spec.sensors:
             if sensor.type == mujoco.mjtSensor.mjSENS_ACTUATORFRC and sensor.objname == servo.name:
@@ -43,6 +46,9 @@ def _oppose(parts: Parts, half_width: float, _: float) -> None:
     model = parts.model
     for servo in parts.servos:
         opposed = model.actuator(added_name("dead_band", model.actuator(servo).name)).id
+        model.actuator_dyntype[opposed] = model.actuator_dyntype[servo]
+        model.actuator_dynprm[opposed] = model.actuator_dynprm[servo]
+        model.actuator_actearly[opposed] = model.actuator_actearly[servo]
         gain, bias = model.actuator_gainprm[servo, 0], model.actuator_biasprm[servo]
         model.actuator_gainprm[opposed, 0] = -gain
         model.actuator_biasprm[opposed, :2] = -bias[:2]
