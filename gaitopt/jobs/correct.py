@@ -10,6 +10,7 @@ from pathlib import Path
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import check_replaceable, found_inside, read_toml, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
+from gaitopt.core.own_files import check_folder
 from gaitopt.jobs.outputs import writing
 from gaitopt.problem.model import assets_beside, carrying, nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
@@ -124,7 +125,8 @@ class _Place:
         """Return the place of a problem file that is to be written.
 
         Raises:
-            GaitoptError: there is no such folder, the model's folder holds something else, or it has no name.
+            GaitoptError: there is no such folder, the model's folder is a link or holds something else, or it
+                has no name.
         """
         check_replaceable(path)
         home = problem.source.parent
@@ -135,6 +137,10 @@ class _Place:
             raise GaitoptError(f"{path}: cannot be written: No such folder")
         if folder == path:
             raise GaitoptError(f"--out: found {path}; allowed: a file with a suffix, such as {path}.toml")
+        if folder.is_symlink():
+            raise GaitoptError(f"{folder}: found a link; allowed: a folder for the model")
+        if folder.is_dir():
+            check_folder(folder)
         own = path.is_file() and read_toml(path).get("model") == f"{folder.name}/{MODEL_FILE}"
         if not own:
             check_new_or_empty(folder)

@@ -131,3 +131,18 @@ def test_nothing_is_left_of_a_file_that_cannot_be_written(
     with pytest.raises(GaitoptError, match="No space left"):
         correct_servos(arcfold, bench, out="mine.toml")
     assert {path.name for path in Path().iterdir()} == {"bench"}
+
+
+@pytest.mark.parametrize(
+    "link", ["arcfold-corrected", "arcfold-corrected/model.xml", "arcfold-corrected/assets"]
+)
+def test_the_folder_of_the_model_is_no_link(gaitopt: Run, bench: Path, link: str) -> None:
+    """Such as one in a stranger's folder, beside a file that looks like an earlier answer."""
+    victim = Path("victim")
+    victim.mkdir()
+    (victim / "model.xml").write_text("mine")
+    Path("arcfold-corrected.toml").write_text('model = "arcfold-corrected/model.xml"\n')
+    Path(link).parent.mkdir(exist_ok=True)
+    Path(link).symlink_to((victim / "model.xml" if link.endswith("xml") else victim).resolve())
+    assert "found a link" in refused(gaitopt, "correct", "arcfold", bench)
+    assert [path.read_text() for path in victim.iterdir()] == ["mine"]
