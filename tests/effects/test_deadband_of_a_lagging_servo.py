@@ -11,7 +11,8 @@ from gaitopt.simulation.rollout import Simulator
 @pytest.mark.parametrize("lag", [0.1, 0.03])
 def test_a_dead_band_of_no_width_changes_nothing(lag: float) -> None:
     problem = load_problem("servo-bench")
-    drive = LoggedCommands.of(("servo",), np.array([0.0, 0.3]), np.array([[0.4], [-0.2]]))
+    log = LoggedCommands.of(("servo",), np.array([0.0, 0.3]), np.array([[0.4], [-0.2]]))
+    drive = log.recorded(0.8, 0.02, {"arm": 0.0})
     lagging = {"servo_lag": {"time_constant_s": lag}}
     banded = lagging | {"servo_deadband": {"half_width_rad": 1e-9}}
     one, other = (
