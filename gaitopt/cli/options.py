@@ -44,14 +44,20 @@ def add_seed(parser: Parser, what: str = "all randomness") -> None:
     )
 
 
-def add_executor(parser: Parser) -> None:
-    """Add ``--executor`` and ``--workers``."""
+def add_executor(parser: Parser, default: str = "threads", about: str = "%(default)s") -> None:
+    """Add ``--executor`` and ``--workers``.
+
+    Args:
+        parser: the command's parser.
+        default: the executor where none is named.
+        about: what the help says of the default.
+    """
     parser.add_argument(
         "--executor",
-        default="threads",
+        default=default,
         metavar="NAME",
         help="threads, processes, serial or dask://HOST:PORT, an address that you trust: what answers "
-        "there can run code here (default: %(default)s)",
+        f"there can run code here (default: {about})",
     )
     parser.add_argument("--workers", type=int, metavar="N", help="rollouts at once (default: all cores)")
 

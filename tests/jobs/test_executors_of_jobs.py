@@ -3,14 +3,17 @@
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
+from benches import bench, write_bench
 from cluster import running_cluster
 from planting import dataset, recording_of, rollout
 
 from gaitopt import blind_make, check, compare, diagnose, export, sweep
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.json import to_json
+from gaitopt.jobs.diagnose import AUTO
 from gaitopt.jobs.executor import opened
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.problem.problem import Problem
@@ -114,6 +117,48 @@ def test_a_diagnosis_is_the_same_on_every_executor(quick: Problem) -> None:
         found.append(to_json(run.diagnosis.to_dict()))
     assert found[0] == found[1]
     assert '"ground_slope"' in found[0]
+
+
+@pytest.mark.slow
+def test_a_diagnosis_of_logged_commands_is_the_same_on_every_executor(tmp_path: Path) -> None:
+    arm = bench(tmp_path / "arm")
+    trials = write_bench(tmp_path / "trials", arm.with_effects({"servo_stiction": {"torque_n_m": 0.03}}))
+    few, found = ["servo_stiction", "servo_gain"], []
+    for executor in ("serial", "processes"):
+        run = diagnose(arm, trials, effects=few, next_gait=False, executor=executor)
+        found.append(to_json(run.diagnosis.to_dict()))
+    assert found[0] == found[1]
+    assert '"servo_stiction"' in found[0]
+
+
+def test_by_itself_a_diagnosis_of_logged_commands_uses_processes(
+    quick: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class ChosenError(Exception):
+        """Ends a diagnosis where it would open its executor."""
+
+    def opened(executor: object, _: int | None) -> None:
+        raise ChosenError(executor)
+
+    def chosen(problem: Problem, trials: Path, **options: Any) -> object:
+        with pytest.raises(ChosenError) as found:
+            diagnose(problem, trials, **options)
+        return found.value.args[0]
+
+    monkeypatch.setattr("gaitopt.jobs.diagnose.opened", opened)
+    arm = bench(tmp_path / "arm")
+    logs = write_bench(tmp_path / "logs", arm)
+    walked = recording_of(rollout(quick, "square-1s", 3.0), signals=("marker.x",))
+    films = dataset(tmp_path / "films", {"one": ("square-1s", walked)})
+    assert chosen(arm, logs, executor=AUTO) == "processes"
+    assert chosen(quick, films, executor=AUTO) == "threads"
+    own = SerialExecutor()
+    assert [chosen(arm, logs, executor=one) for one in ("serial", "threads", own)] == [
+        "serial",
+        "threads",
+        own,
+    ]
+    assert chosen(arm, logs) == "threads"  # a script may not be importable by a process
 
 
 def test_an_executor_that_is_given_stays_open(strider: Problem) -> None:

@@ -35,7 +35,7 @@ def add_options(parser: Parser) -> None:
     add_run_folder(parser)
     add_json(parser)
     add_quiet(parser)
-    add_executor(parser)
+    add_executor(parser, "auto", "processes for logged commands, else threads")
 
 
 def run(options: Options) -> None:
