@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
+from gaitopt.diagnose.fit.products import RowBlocks
 from gaitopt.diagnose.fit.robust import RobustLoss
 from gaitopt.diagnose.fit.runner import RobotRequest
-from gaitopt.diagnose.fit.set_fit import RowBlocks, SetFitter
+from gaitopt.diagnose.fit.set_fit import SetFitter
 from gaitopt.diagnose.fit.set_search import SetSearch
 from gaitopt.diagnose.fit.settings import SETS, SetSettings
 from gaitopt.diagnose.fit.trials import Comparison

@@ -5,8 +5,8 @@ import pytest
 from toysets import ToyBench, curved, late
 
 from gaitopt.core.streams import seeded
+from gaitopt.diagnose.fit.products import Products, RowBlocks
 from gaitopt.diagnose.fit.robust import RobustLoss
-from gaitopt.diagnose.fit.set_fit import Products, RowBlocks
 
 TRIALS, EACH = 12, 20
 ROWS = TRIALS * EACH
