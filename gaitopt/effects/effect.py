@@ -96,6 +96,8 @@ class Effect:
         shifts_start: whether it only shifts the start of the recording; where that start is unknown, the
             diagnosis fits it in every trial as a nuisance.
         of_clock: whether it is an error of the recording's clock; logged commands may share that clock.
+        of_free_robot: whether it is the cause of a gap only where the first module moves freely: on a bench,
+            it would stand for another error of the arm.
         structure, model, commands, loop, observe: the hooks; None where it does not use one.
     """
 
@@ -119,6 +121,7 @@ class Effect:
     needs_known_start: bool = False
     shifts_start: bool = False
     of_clock: bool = False
+    of_free_robot: bool = False
     structure: Structure | None = None
     model: Edit | None = None
     commands: Send | None = None

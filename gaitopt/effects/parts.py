@@ -57,6 +57,13 @@ class Parts:
         """Degrees of freedom that the target's actuators turn."""
         return [int(self.model.jnt_dofadr[j]) for j in self.servo_joints if j >= 0]
 
+    @property
+    def on_bench(self) -> bool:
+        """Whether the first body turns only as servos turn it."""
+        first = int(self.model.body_jntadr[FIRST_BODY])
+        joints = set(range(first, first + int(self.model.body_jntnum[FIRST_BODY])))
+        return joints <= set(Parts(self.model, self.roles, self.channels).servo_joints)
+
     @cached_property
     def hinges(self) -> list[int]:
         """Joint ids of the passive hinges."""

@@ -44,11 +44,7 @@ GROUND_SLOPE = Effect(
 
 
 def _first_module_is_held(parts: Parts) -> str | None:
-    """Return that the first module is part of the world, or turns only as servos turn it; else None."""
-    first = int(parts.model.body_jntadr[FIRST_BODY])
-    joints = set(range(first, first + int(parts.model.body_jntnum[FIRST_BODY])))
-    every = Parts(parts.model, parts.roles, parts.channels)
-    return "the first module is held" if joints <= set(every.servo_joints) else None
+    return "the first module is held" if parts.model.body_weldid[FIRST_BODY] == 0 else None
 
 
 def _add_mass(parts: Parts, mass: float, _: float) -> None:
@@ -70,6 +66,7 @@ PAYLOAD_MASS = Effect(
     reference_name="the robot's mass",
     allowed=(0.0, math.inf),
     missing=_first_module_is_held,
+    of_free_robot=True,
     model=_add_mass,
 )
 
@@ -95,6 +92,7 @@ COM_OFFSET = Effect(
     reference=_module_length,
     reference_name="the first module's radius",
     missing=_first_module_is_held,
+    of_free_robot=True,
     model=_shift_centre,
 )
 
@@ -189,6 +187,7 @@ TETHER_DRAG = Effect(
     reference=lambda parts: parts.weight,
     reference_name="the robot's weight",
     missing=_first_module_is_held,
+    of_free_robot=True,
     structure=_add_tether,
     model=_pull,
 )
