@@ -10,7 +10,7 @@ from pathlib import Path
 from gaitopt.blind.disturbances import OUTSIDE
 from gaitopt.blind.drawing import draw_case
 from gaitopt.blind.factory import CaseFactory, RecordingPlan
-from gaitopt.blind.recording import record, write_recording
+from gaitopt.blind.recording import check_file_names, record, write_recording
 from gaitopt.blind.sealed import Truth, seal, truth_path
 from gaitopt.blind.settings import DEFAULT, BlindSettings
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
@@ -83,9 +83,11 @@ def make_cases(
         settings: how cases are drawn.
 
     Raises:
-        GaitoptError: there is no marker, no such gait or signal, or what is to be planted cannot make a gap.
+        GaitoptError: there is no marker, no such gait or signal, a gait's name cannot name a file, or what is
+            to be planted cannot make a gap.
     """
     problem.require("blind make", "roles.marker")
+    check_file_names(request.plan.gaits)
     factory = CaseFactory.of(problem, request.plan, executor, settings)
     _check_only(factory, request)
     nominal = out / NOMINAL_FOLDER

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gaitopt.blind.drawing import Draw
 from gaitopt.blind.factory import CaseFactory, observed
+from gaitopt.core.errors import bad_value
 from gaitopt.core.files import csv_text, write_text
 from gaitopt.diagnose.judge.small_errors import with_small_errors
 from gaitopt.problem.records import Fidelity
@@ -22,6 +23,9 @@ from gaitopt.robot.signals import is_position, measured_column_of
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
+
+_LONGEST_NAME = 200
+"""A longer name of a gait names no file, bytes: file systems allow 255 with all that is added."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,21 @@ def _other_numerics(
     model.opt.impratio = impratio
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return replace(robot, models=(model,))
+
+
+def check_file_names(gaits: Iterable[str]) -> None:
+    """Check that a trial of each gait can have a file of that name: a problem may be a stranger's.
+
+    Args:
+        gaits: names of the gaits.
+
+    Raises:
+        GaitoptError: a name leads to another folder, or is too long.
+    """
+    for name in gaits:
+        if Path(f"{name}.csv").name != f"{name}.csv" or "\\" in name or len(name.encode()) > _LONGEST_NAME:
+            allowed = "names of files, as each gait has a file: without / and \\, of at most 200 bytes"
+            raise bad_value("blind make", "gait", name, allowed)
 
 
 def write_recording(

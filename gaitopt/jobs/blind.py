@@ -24,7 +24,7 @@ from gaitopt.jobs.inputs import checked_seed
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.runs.diagnosis_folder import diagnosis_folder
-from gaitopt.runs.folder import held
+from gaitopt.runs.folder import check_free, held
 from gaitopt.runs.lock import LOCK_FILE
 
 EACH_CASE = DiagnosisRequest(seed=1, next_gait=False)
@@ -152,8 +152,8 @@ def blind_score(
         on_progress: called as each diagnosis begins.
 
     Raises:
-        GaitoptError: there are no sealed cases, a folder holds a link or what is no plain file, or a
-            diagnosis fails.
+        GaitoptError: there are no sealed cases, a folder holds a link or what is no plain file, something
+            else is where a diagnosis is to be, or a diagnosis fails.
     """
     folder = Path(folder)
     diagnoses = folder / "diagnoses" if diagnoses is None else Path(diagnoses)
@@ -175,6 +175,17 @@ def _diagnose_cases(folder: Path, diagnoses: Path, executor: Executor, on_progre
         problem = problem or carrying(load_problem(folder / NOMINAL_FOLDER))
         on_progress(Progress(f"diagnosing {case.name}"))
         question = Question.of(problem, case, EACH_CASE)
-        resumed = out if out.is_dir() else None
+        resumed = out if question.cache(out).folder.is_dir() else None
+        if resumed is None:
+            _check_free(out)
         with diagnosis_folder(out, resumed, problem.name):
             answered_into(out, question, executor, corrected=False)
+
+
+def _check_free(folder: Path) -> None:
+    """Check that a diagnosis may begin in a folder: a stranger may have given a case the name of it."""
+    try:
+        check_free(folder)
+    except GaitoptError:
+        allowed = "an unfinished diagnosis of this case, or nothing"
+        raise GaitoptError(f"--diagnoses: {folder}: found something else; allowed: {allowed}") from None

@@ -2,14 +2,15 @@
 
 import json
 import math
+import os
 from collections.abc import Iterator
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers import STRIDER
-from hostility import run
+from helpers import STRIDER, problem_folder
+from hostility import contents, run, within
 
 from gaitopt import blind_score
 from gaitopt.blind.cases import nominal_files
@@ -173,38 +174,154 @@ def test_a_certain_cause_is_in_the_calibration(cases: Path) -> None:
     assert sum(row.right.cases for row in blind_score(cases).calibration) == 3
 
 
+ENTRIES = [
+    *(".lock", "nominal", "nominal/model.xml", "nominal/problem.toml", "nominal/assets", "sealed"),
+    *("nominal/.model.abcd1234.xml", "sealed/case-000.json", "sealed/.case-000.abcd1234.json", "case-000"),
+    *("case-000/dataset.toml", "case-000/stride.csv", "case-003", "sealed/case-003.json", "diagnoses"),
+    *("diagnoses/case-003", ".notes.abcd1234.txt"),
+]
+"""What `blind make` and `blind score` read, write or sweep up; some of it is not there yet."""
+
+OF_A_DIAGNOSIS = [
+    *("", "diagnosis.json", ".lock", "report.html", "model.xml", "corrected.toml", "next.toml", "figures"),
+    *(
+        "figures/ranking.png",
+        "simulated-0123456789abcdef",
+        ".report.abcd1234.html",
+        "next-player",
+        "next.csv",
+    ),
+]
+
+
+@pytest.fixture
+def victim(tmp_path: Path) -> Path:
+    """A folder of the user, with files that these commands write, and one that a sweep would remove."""
+    folder = tmp_path / "victim"
+    folder.mkdir()
+    for name in ("model.xml", "diagnosis.json", ".notes.abcd1234.txt"):
+        (folder / name).write_text("mine")
+    return folder
+
+
+def planted(path: Path, kind: str, victim: Path) -> None:
+    """Put a link, a second name or a pipe in the place of a file or a folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists():
+        path.rename(victim.parent / "moved")
+    if kind == "link":
+        path.symlink_to(victim / "model.xml" if path.suffix else victim)
+    elif kind == "dangling link":
+        path.symlink_to(victim / "new" / "file")
+    elif kind == "link to itself":
+        path.symlink_to(path)
+    elif kind == "hard link":
+        path.hardlink_to(victim / "model.xml")
+    else:
+        os.mkfifo(path)
+
+
 @pytest.mark.parametrize(
-    "name",
-    [
-        *("diagnoses", "diagnoses/case-000", "diagnoses/case-000/diagnosis.json", "diagnoses/case-001/.lock"),
-        *("sealed", "sealed/case-000.json", "nominal", "nominal/model.xml", "case-000", ".lock"),
-    ],
+    "name", [*ENTRIES, *(f"diagnoses/case-00{i % 3}/{name}" for i, name in enumerate(OF_A_DIAGNOSIS))]
 )
+@pytest.mark.parametrize("kind", ["link", "dangling link", "link to itself", "hard link", "pipe"])
 @pytest.mark.parametrize("command", ["make", "score", "score elsewhere"])
 def test_a_link_among_blind_cases_is_refused(
-    command: str, name: str, cases: Path, tmp_path: Path, capsys: Any
+    command: str, kind: str, name: str, cases: Path, victim: Path, tmp_path: Path, capsys: Any
 ) -> None:
-    victim = tmp_path / "victim"
-    victim.mkdir()
-    for mine in ("model.xml", "diagnosis.json", ".notes.abcd1234.txt"):
-        (victim / mine).write_text("mine")
-    path = cases / name
-    if path.exists():
-        path.rename(tmp_path / "moved")
-    path.symlink_to(victim / "model.xml" if "." in path.name else victim)
+    """Nothing is waited for, and nothing changes: neither what a link leads to, nor the cases."""
+    planted(cases / name, kind, victim)
     words: tuple[object, ...] = ("blind", "score", cases)
     if command == "make":
-        words = (*MAKE, "--out", cases)
+        words = (*MAKE, "--cases", 4, "--out", cases)
     elif command == "score elsewhere":
-        diagnoses = cases / "diagnoses"
         words = (*words, "--diagnoses", tmp_path / "elsewhere")
-        if path != diagnoses:  # else the user names the link
-            diagnoses.rename(tmp_path / "elsewhere")
-    code, err = run(capsys, *words)
-    assert (code, "found a link; allowed in this folder: plain files" in err) == (1, True), err
-    assert {file.name: file.read_text() for file in victim.iterdir()} == dict.fromkeys(
-        ("model.xml", "diagnosis.json", ".notes.abcd1234.txt"), "mine"
+        if name != "diagnoses":  # else the user names the link
+            (cases / "diagnoses").rename(tmp_path / "elsewhere")
+    before = listed(cases), contents(victim)
+    with within(20):
+        code, err = run(capsys, *words)
+    assert (code, "allowed in this folder: plain files with one name" in err) == (1, True), err
+    assert (listed(cases), contents(victim)) == before
+
+
+def listed(folder: Path) -> dict[Path, tuple[int, int, int]]:
+    """Inode, size and time stamp of everything in a folder; links are not followed."""
+    found = {path: path.lstat() for path in folder.rglob("*")}
+    return {path: (one.st_ino, one.st_size, one.st_mtime_ns) for path, one in found.items()}
+
+
+def recorded(case: Path) -> None:
+    """Write a data set that can be diagnosed."""
+    stamps = "".join(f"{0.05 * index:.2f},0.1\n" for index in range(60))
+    (case / "walk.csv").write_text(f"t_s,y_m\n{stamps}")
+    trial = '[[trial]]\nname = "one"\ngait = "stride"\nfile = "walk.csv"\n'
+    (case / "dataset.toml").write_text(trial + 'signals = {"marker.y" = "y_m"}\n')
+
+
+@pytest.mark.parametrize("name", ["model.xml", "notes.txt", "simulated-0123456789abcdef/x.npz"])
+def test_a_case_is_not_diagnosed_into_a_folder_of_the_user(
+    name: str, cases: Path, tmp_path: Path, capsys: Any
+) -> None:
+    """What a stranger called a case may be what the user called something else."""
+    recorded(cases / "case-000")
+    mine = tmp_path / "mine" / "case-000"
+    (mine / name).parent.mkdir(parents=True)
+    (mine / name).write_text("mine")
+    before = listed(mine)
+    code, err = run(capsys, "blind", "score", cases, "--diagnoses", mine.parent, "--json")
+    assert (code, "allowed: an unfinished diagnosis of this case, or nothing" in err) == (1, True), err
+    assert listed(mine) == before
+
+
+@pytest.mark.parametrize("kind", ["dangling link", "link to itself", "pipe"])
+@pytest.mark.parametrize("command", ["make", "score", "score elsewhere"])
+def test_what_is_no_folder_of_cases_is_one_line(
+    command: str, kind: str, cases: Path, victim: Path, tmp_path: Path, capsys: Any
+) -> None:
+    """The user names it: a link to a folder would be followed, but there is none."""
+    planted(tmp_path / "odd", kind, victim)
+    recorded(cases / "case-000")
+    words: dict[str, tuple[object, ...]] = {
+        "make": (*MAKE, "--out", tmp_path / "odd"),
+        "score": ("blind", "score", tmp_path / "odd"),
+        "score elsewhere": ("blind", "score", cases, "--diagnoses", tmp_path / "odd", "--json"),
+    }
+    before = listed(cases), contents(victim)
+    with within(20):
+        code, err = run(capsys, *words[command])
+    assert (code, str(tmp_path / "odd") in err) == (1, True), err
+    assert (listed(cases), contents(victim)) == before
+    assert (tmp_path / "odd").lstat().st_mode == (tmp_path / "odd").lstat().st_mode
+
+
+@pytest.mark.parametrize("name", ["../../victim/model", "{}/model", "..\\model", "sub/model", "n" * 300])
+def test_the_name_of_a_gait_leads_to_no_other_file(
+    name: str, victim: Path, tmp_path: Path, capsys: Any
+) -> None:
+    """Each gait has a file of its name in a case; the problem may be a stranger's."""
+    name = name.format(victim)
+    (victim / "model.csv").write_text("mine")
+
+    def renamed(content: dict[str, Any]) -> None:
+        content["baselines"] = {name: content["baselines"]["stride"]}
+
+    robot, before = problem_folder(tmp_path / "robot", STRIDER, renamed), contents(victim)
+    words = (
+        *MAKE[3:5],
+        "--kind",
+        "none",
+        "--seconds",
+        3,
+        "--signals",
+        "marker.y",
+        "--out",
+        tmp_path / "cases",
     )
+    code, err = run(capsys, "blind", "make", robot, *words)
+    assert contents(victim) == before
+    assert (code, "allowed: names of files" in err) == (1, True), err
+    assert not (tmp_path / "cases").exists()
 
 
 def test_cases_are_made_in_a_folder_of_such_cases_alone(cases: Path, tmp_path: Path, capsys: Any) -> None:
