@@ -6,7 +6,9 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import chdir
 from importlib.metadata import version
+from pathlib import Path
 
 from gaitopt.cli.command import Parser
 from gaitopt.cli.commands import COMMANDS
@@ -29,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             words = sys.argv[1:] if arguments is None else list(arguments)
             options = build_parser().parse_args(_canonical(words))
             silence_warnings()
+            _ignore_settings_here()
             options.run(options)
     except SystemExit as stop:
         return int(stop.code or 0)
@@ -47,6 +50,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MemoryError:
         return _stated("out of memory")
     return DONE
+
+
+def _ignore_settings_here() -> None:
+    """Load Matplotlib from elsewhere if the current folder has a file of its settings: it would read that.
+
+    The folder may be a stranger's, the file a pipe. Settings of the user are in the user's own folder.
+    """
+    if os.path.lexists("matplotlibrc"):
+        with chdir(Path(__file__).parent):
+            import matplotlib  # noqa: F401
 
 
 def _stated(problem: str) -> int:

@@ -32,10 +32,14 @@ class ProcessExecutor(ThreadPoolExecutor):
     def __init__(self, workers: int, lives: int = _LIVES):
         """Begin without processes; the first call starts them.
 
+        From now on, Python programs that this process starts with ``-c`` import no module from the current
+        folder, which may be a stranger's: Python's own worker processes would begin with such imports.
+
         Args:
             workers: how many there are.
             lives: a call that has lost this many of them is not repeated: it raises `LostWorkersError`.
         """
+        os.environ["PYTHONSAFEPATH"] = "1"
         resource_tracker.ensure_running()  # starting it later would let Ctrl-C through again
         super().__init__(2 * workers, initializer=_block_interrupts)
         self._workers = workers

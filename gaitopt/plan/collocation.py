@@ -20,13 +20,17 @@ IPOPT_OPTIONS: dict[str, Any] = {
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
+    "ipopt.option_file_name": "",
     "ipopt.tol": 1e-4,
     "ipopt.acceptable_tol": 1e-3,
     "ipopt.acceptable_iter": 4,
     "ipopt.mu_init": 1e-2,
     "ipopt.honor_original_bounds": "yes",
 }
-"""Tolerances far looser than IPOPT's own: a plan is a start for MuJoCo, and is integrated to confirm it."""
+"""Tolerances far looser than IPOPT's own: a plan is a start for MuJoCo, and is integrated to confirm it.
+
+IPOPT would also read, in the current folder, a file of options, which name files that it writes.
+"""
 
 
 @dataclass(frozen=True)

@@ -70,6 +70,7 @@ def _strategy(task: Minimisation, x0: Point, population: int) -> Any:
         "seed": np.nan,
         "verbose": -9,
         "verb_log": 0,
+        "signals_filename": None,  # it would be read in the current folder, and could end the search
     }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pycma warns about its own checks of options
