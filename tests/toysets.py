@@ -21,11 +21,12 @@ Array = NDArray[np.float64]
 Response = Callable[[float], Array]
 
 
-def toy_hypothesis(name: str) -> Hypothesis:
+def toy_hypothesis(name: str, rough: bool = False) -> Hypothesis:
     """An effect from 0 to 1 that a problem file may set to any value from 0."""
     effect: Any = SimpleNamespace(
         name=name,
         target="none",
+        rough=rough,
         scale="lin",
         parameter="size",
         changes_robot=True,
@@ -43,10 +44,11 @@ class ToyBench:
         self.responses, self.measured = responses, measured
         self.rows = RowBlocks(np.repeat(np.arange(trials), len(measured) // trials), np.arange(trials))
         self.simulated = 0
+        self.rough: frozenset[str] = frozenset()
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
-        return [toy_hypothesis(name) for name in self.responses]
+        return [toy_hypothesis(name, name in self.rough) for name in self.responses]
 
     def compared(self, request: RobotRequest) -> Comparison:
         """The rows compared with a robot that has some effects."""
@@ -61,7 +63,7 @@ class ToyBench:
     def fitter(self, settings: SetSettings = SETS) -> SetFitter:
         trials = self.rows.trials[self.rows.of_rows]
         none = np.ones(len(self.rows.trials))
-        loss = RobustLoss(trials, settings.freedom, settings.temper, settings.most_rows, none)
+        loss = RobustLoss(trials, settings.freedom, settings.temper, settings.most_rows, none, none)
         return SetFitter(loss, self.simulate, self.rows, settings)
 
     @property

@@ -3,8 +3,9 @@
 The covariance of a trial says how far off a correct model may be. No model of a real servo or robot is
 correct, and one trial may have slipped, lost a command or been misnamed. So
 
-- a model may be off by an error of the same size, in rad, in all trials. It adds to the covariance of each,
-  and has the size that makes the recordings most probable: none, if the model fits down to the floor;
+- a model may be off by an error that all trials share: a size in rad, and a share of the trial's motion. It
+  adds to the covariance of each, and has the size and share that make the recordings most probable: none,
+  if the model fits down to the floor;
 - the covariance of each trial is known up to a factor, which has an inverse-gamma prior. With that factor
   integrated out, n whitened rows with the sum of squares s have the density of a multivariate Student's t
   with v degrees of freedom: -2 log p = (v + n) log(1 + s / v) + constant.
@@ -35,8 +36,8 @@ class RobustLoss:
         most_rows: a trial counts as this many such rows at most: where a model is not quite right, a longer
             recording repeats the same error.
         per_error: mean whitened square of a smooth error of 1 rad in each trial, shape (trials,).
-        errors: sizes of the shared error that are tried, rad; 0 among them.
-        scales: factor on the variance of each trial, shape (trials,); None for 1.
+        per_motion: mean whitened square of each trial's motion about its mean, shape (trials,).
+        errors: shared errors that are tried: each a size, rad, and a share of the motion.
     """
 
     row_trials: NDArray[np.intp]
@@ -44,8 +45,8 @@ class RobustLoss:
     temper: float
     most_rows: float
     per_error: Array
-    errors: tuple[float, ...] = (0.0,)
-    scales: Array | None = None
+    per_motion: Array
+    errors: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
 
     @cached_property
     def rows(self) -> Array:
@@ -74,8 +75,8 @@ class RobustLoss:
         """Return the loss of all trials, minus twice a logarithm of a likelihood."""
         return float(self.of_squares(self.squares(whitened)).sum())
 
-    def shared_error(self, squares: Array) -> float:
-        """Return the size of the error that all trials share, rad, from their sums of squares."""
+    def shared_error(self, squares: Array) -> tuple[float, float]:
+        """Return the error that all trials share from their sums of squares: rad, and share of the motion."""
         return self.errors[int(np.argmin(self._losses(squares).sum(axis=1)))]
 
     def trial_weights(self, squares: Array) -> Array:
@@ -92,8 +93,8 @@ class RobustLoss:
     @cached_property
     def _variances(self) -> Array:
         """Factor on the variance of each trial with each shared error, shape (errors, trials)."""
-        own = np.ones(len(self.rows)) if self.scales is None else self.scales
-        variances: Array = own + np.square(self.errors)[:, None] * self.per_error
+        sizes, shares = np.square(self.errors).T
+        variances: Array = 1.0 + np.outer(sizes, self.per_error) + np.outer(shares, self.per_motion)
         return variances
 
     def _losses(self, squares: Array) -> Array:

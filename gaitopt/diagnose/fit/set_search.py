@@ -6,9 +6,10 @@ fitted. After each addition effects are dropped that no longer pay for themselve
 for others.
 
 A real servo is wrong in ten ways at once, and one step at a time leads to a set in which one effect stands
-for several others. So where a few effects leave too much, all effects are fitted together from several
-starts, and those that do not pay for themselves are dropped one by one. Such a fit begins with a loss that no
-trial can leave: its errors count in shares of its motion. Only then follows the robust loss.
+for several others. So where a few effects leave too much, all effects are fitted together from several starts
+near the nominal robot, and those that do not pay for themselves are dropped one by one. Such a fit begins
+with a loss that no trial can leave: its errors count in shares of its motion. Only then follows the robust
+loss.
 """
 
 from __future__ import annotations
@@ -67,6 +68,7 @@ class SetSearch:
     settings: SetSettings
     coarse: SetFitter
     found: dict[frozenset[str], SetFit] = field(default_factory=dict)
+    _first: dict[str, _Tried] = field(default_factory=dict)
     _last: dict[str, _Tried] = field(default_factory=dict)
 
     def run(self) -> list[SetFit]:
@@ -91,11 +93,10 @@ class SetSearch:
 
     def _all_together(self, grown: SetFit) -> None:
         """Fit all effects together from several starts, and drop those that do not pay for themselves."""
-        nothing = self.fitter.empty(self.nominal)
-        places = [(nothing, share) for share in self.settings.starts] + [(grown, self.settings.starts[0])]
-        wide = self.coarse.placed([self._point(base, share) for base, share in places])
+        wide = self.coarse.placed([self._start(grown, share) for share in self.settings.starts])
         for count in self.settings.coarse_rounds:
             wide = sorted(wide, key=self.coarse.score)[:count]
+            wide = [replace(fit, radius=max(fit.radius, self.settings.coarse_radius)) for fit in wide]
             wide = self.coarse.descend(self.coarse.measure_slopes(wide), self.settings.fine_rounds)
         wide = self._kept(self._refined([self.fitter.at_robot(fit, fit.robot) for fit in wide]))
         best = self._thinned(min(wide, key=self.fitter.score))
@@ -103,18 +104,20 @@ class SetSearch:
             best = self._kept(self._refined([best]))[0]
         self._exchanged(self._pruned(best))
 
-    def _point(self, base: SetFit, share: float) -> Point:
-        """Return the coordinates of a set with every other effect a little away from neutral."""
-        point = [*zip(base.hypotheses, base.robot.at.tolist(), strict=True)]
-        best: dict[str, _Tried] = {}
-        for one in self._last.values():
-            name = one.hypothesis.effect.name
-            if name not in base.effects and (name not in best or one.expected < best[name].expected):
-                best[name] = one
-        others = sorted(best.values(), key=lambda one: one.expected)
-        for one in others[: max(0, self.settings.widest_set - len(point))]:
-            point.append((one.hypothesis, _coordinate(one.hypothesis, math.copysign(share, one.share))))
-        return point
+    def _start(self, grown: SetFit, share: float) -> Point:
+        """Return all effects a little away from neutral: those that were found, and what promised most alone.
+
+        Effects with a rough response are left out: a fit that starts far off ends in one of their jumps.
+        """
+        first: dict[str, _Tried] = {}
+        for one in sorted(self._first.values(), key=lambda one: one.expected):
+            if not one.hypothesis.effect.rough:
+                first.setdefault(one.hypothesis.effect.name, one)
+        order = sorted(first.values(), key=lambda one: one.hypothesis.effect.name not in grown.effects)
+        return [
+            (one.hypothesis, _coordinate(one.hypothesis, math.copysign(share, one.share)))
+            for one in order[: self.settings.widest_set]
+        ]
 
     def _thinned(self, fit: SetFit) -> SetFit:
         """Return a set without the effects that, as the slopes predict, do not pay for themselves.
@@ -176,6 +179,7 @@ class SetSearch:
             one = _Tried(beside, share, self._expected(beside))
             if h.name not in best or one.expected < best[h.name].expected:
                 best[h.name] = one
+        self._first = self._first or best
         self._last |= best
         firsts: dict[str, _Tried] = {}
         for one in sorted(best.values(), key=lambda one: (one.expected, one.hypothesis.name)):

@@ -196,7 +196,8 @@ class SetSettings:
     Attributes:
         freedom: degrees of freedom of the scale of each trial's covariance; see `RobustLoss`.
         temper: number of rows that count as one.
-        errors_rad: sizes of the error that all trials share, rad.
+        errors_rad: sizes of the error that all trials share, rad,
+        error_shares: and its shares of the motion.
         prior_weight: weight of the prior of a fitted parameter.
         prior_freedom: degrees of freedom of the Student's t tails of the priors.
         price: loss that an effect must save at least, or it is left out.
@@ -222,6 +223,7 @@ class SetSettings:
         few: in more than this share of the trials.
         starts: shares of the way from neutral to the better bound at which all effects begin.
         coarse_rounds: number of these starts that are fitted further in each round, by the first loss,
+        coarse_radius: longest step of a coordinate at the start of each of these rounds, in ranges, at least.
         robust_rounds: rounds of the best of them by the second, after those that do nothing were dropped.
         widest_set: effects that are fitted together, at most: those that promised most when tried alone.
         gaussian: degrees of freedom of the first of these losses: so many that no trial can leave it.
@@ -241,6 +243,7 @@ class SetSettings:
     freedom: float = 4.0
     temper: float = 3.0
     errors_rad: tuple[float, ...] = (0.0, *(1e-4 * 1.5**k for k in range(18)))
+    error_shares: tuple[float, ...] = (0.0, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12)
     prior_weight: float = 0.6
     prior_freedom: float = 3.0
     price: float = 6.0
@@ -263,10 +266,11 @@ class SetSettings:
     one_by_one: int = 3
     right: float = 2.0
     few: float = 0.2
-    starts: tuple[float, ...] = (0.05, 0.15)
-    coarse_rounds: tuple[int, ...] = (3, 2, 2, 2)
+    starts: tuple[float, ...] = (0.05, 0.1, 0.15)
+    coarse_rounds: tuple[int, ...] = (3, 3, 2, 2, 1, 1)
+    coarse_radius: float = 0.1
     robust_rounds: int = 3
-    widest_set: int = 18
+    widest_set: int = 20
     gaussian: float = 1000.0
     heldout_radius: float = 0.1
     inclusion: float = 6.0

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,8 @@ class SetJudge:
             settings.temper,
             settings.most_rows,
             trial_set.per_error,
-            settings.errors_rad,
+            trial_set.motions,
+            tuple(product(settings.errors_rad, settings.error_shares)),
         )
         rows = RowBlocks(trial_set.row_blocks, trial_set.block_trials)
         return SetJudge(trial_set, loss, SetFitter(loss, simulate, rows, settings), settings)
@@ -68,8 +70,7 @@ class SetJudge:
     def search(self, hypotheses: Sequence[Hypothesis], nominal: Comparison) -> list[SetFit]:
         """Return the sets that were fitted, the best first; the empty set is among them."""
         settings, loss = self.settings, self.loss
-        scales = 1.0 + settings.motion**2 * self.trial_set.motions
-        wide = replace(loss, freedom=settings.gaussian, errors=(0.0,), scales=scales)
+        wide = replace(loss, freedom=settings.gaussian, errors=((0.0, settings.motion),))
         coarse = replace(self.fitter, loss=wide)
         return SetSearch(self.fitter, hypotheses, nominal, settings, coarse).run()
 

@@ -144,6 +144,7 @@ GEOMETRY_SCALE = Effect(
         "log-normal", 1.0, 0.03, "laser cut to 0.2 mm; folds and hinge gaps change 50 mm by a few mm"
     ),
     allowed=(0.0, 100.0),
+    of_free_robot=True,
     structure=_scale_lengths,
 )
 

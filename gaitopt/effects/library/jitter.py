@@ -84,6 +84,7 @@ def _numbers(count: int) -> Array:
 
 COMMAND_JITTER = Effect(
     name="command_jitter",
+    rough=True,
     summary="each change of command late by chance, by its own time: uniform, with this standard deviation",
     parameter="sd_s",
     unit="s",

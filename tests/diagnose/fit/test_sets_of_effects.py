@@ -25,7 +25,7 @@ def bench(planted: dict[str, float], seed: int, effects: int = 9) -> ToyBench:
 
 def test_the_weights_are_the_slope_of_the_loss() -> None:
     trials = np.repeat(np.arange(3), 10)
-    loss = RobustLoss(trials, 4.0, 3.0, 10.0, np.ones(3), (0.0, 0.5, 2.0))
+    loss = RobustLoss(trials, 4.0, 3.0, 10.0, np.ones(3), np.ones(3), ((0.0, 0.0), (0.5, 0.1), (2.0, 0.0)))
     white = seeded(1).standard_normal(30) * np.repeat([1.0, 3.0, 30.0], 10)
     weights = loss.trial_weights(loss.squares(white))[trials]
     for row in (0, 12, 25):
@@ -37,23 +37,33 @@ def test_the_weights_are_the_slope_of_the_loss() -> None:
 
 def test_a_trial_that_nothing_fits_hardly_counts() -> None:
     trials = np.repeat(np.arange(3), 10)
-    loss = RobustLoss(trials, 4.0, 3.0, 10.0, np.ones(3))
+    loss = RobustLoss(trials, 4.0, 3.0, 10.0, np.ones(3), np.ones(3))
     weights = loss.trial_weights(loss.squares(np.repeat([1.0, 1.0, 100.0], 10)))
     assert weights[2] < 1e-3 * weights[0]
 
 
 def test_a_long_trial_counts_as_a_limited_number_of_rows() -> None:
-    short, long = (RobustLoss(np.zeros(n, dtype=np.intp), 4.0, 3.0, 10.0, np.ones(1)) for n in (30, 300))
+    one = np.ones(1)
+    short, long = (RobustLoss(np.zeros(n, dtype=np.intp), 4.0, 3.0, 10.0, one, one) for n in (30, 300))
     assert short.total(2.0 * np.ones(30)) == pytest.approx(long.total(2.0 * np.ones(300)))
 
 
 def test_trials_share_an_error_that_lies_above_their_floors() -> None:
     trials = np.repeat(np.arange(4), 20)
-    loss = RobustLoss(trials, 4.0, 3.0, 10.0, np.array([1e6, 1e4, 1e6, 1e4]), (0.0, 0.003, 0.01, 0.03))
+    errors = ((0.0, 0.0), (0.003, 0.0), (0.01, 0.0), (0.0, 0.02), (0.0, 0.1))
+    loss = RobustLoss(trials, 4.0, 3.0, 10.0, np.array([1e6, 1e4, 1e6, 1e4]), np.full(4, 1e4), errors)
     white = seeded(3).standard_normal(80)
-    assert loss.shared_error(loss.squares(white)) == 0.0
+    assert loss.shared_error(loss.squares(white)) == (0.0, 0.0)
     off = white * np.repeat([10.0, 1.4, 10.0, 1.4], 20)
-    assert loss.shared_error(loss.squares(off)) == 0.01
+    assert loss.shared_error(loss.squares(off)) == (0.01, 0.0)
+
+
+def test_an_error_may_be_a_share_of_the_motion() -> None:
+    trials = np.repeat(np.arange(4), 20)
+    errors = ((0.0, 0.0), (0.003, 0.0), (0.01, 0.0), (0.0, 0.02), (0.0, 0.1))
+    loss = RobustLoss(trials, 4.0, 3.0, 10.0, np.full(4, 1e6), np.array([1e4, 1e2, 1e4, 1e2]), errors)
+    off = seeded(3).standard_normal(80) * np.repeat([10.0, 1.4, 10.0, 1.4], 20)
+    assert loss.shared_error(loss.squares(off)) == (0.0, 0.1)
 
 
 def test_products_tell_what_each_block_leaves_after_a_step() -> None:
@@ -87,6 +97,15 @@ def test_seven_effects_at_once_are_found() -> None:
     found = dict(zip(best.effects, best.shares.tolist(), strict=True))
     assert {name: found.pop(name) for name in planted} == pytest.approx(planted, abs=0.05)
     assert all(share < 0.05 for share in found.values())
+
+
+def test_a_fit_of_all_effects_begins_without_those_whose_response_is_rough() -> None:
+    made = bench({f"effect_{i}": 0.3 + 0.05 * i for i in range(7)}, 4, effects=12)
+    made.rough = frozenset({"effect_6"})
+    search = made.search()
+    search.run()
+    widest = max(search.found.values(), key=lambda fit: len(fit.effects))
+    assert set(widest.effects) == set(made.responses) - {"effect_6"}
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
