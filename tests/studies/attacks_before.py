@@ -9,7 +9,7 @@ Version 0.1:
     python3 -m venv ../before/.venv && ../before/.venv/bin/pip install --editable '../before[cluster]'
     python tests/studies/attacks_before.py --before ../before/.venv --now .venv --out results/attacks
 
-Cost: about 10 min on one core; most of it are attacks that do not end on the earlier version.
+Cost: about 13 min on one core; most of it are attacks that do not end on the earlier version.
 """
 
 from __future__ import annotations
@@ -59,12 +59,14 @@ def page(rows: list[dict[str, Any]], options: argparse.Namespace) -> str:
         "# Each finding on version 0.1 and now",
         "",
         f"{len(attacks)} attacks by the command line alone: **{wrong['before']} of them succeed on version "
-        f"0.1 (32f3fcf), {wrong['now']} now ({version()}).** Each runs in a folder of its own, with {options.limit:g} s "
-        "for a command, 6 GiB of memory and files of at most 1 GiB. Where an attack aims at files outside "
-        "of a stranger's folder, these were made for it, devices too. An attack succeeds if the command does "
-        "not end as it should: well, or with one line and exit code 1. The numbers are those of the findings "
-        "in issue 28; 11 was found later. Finding 10 is about tests, not about the program: see "
-        "[docs/guarantees.md](../../docs/guarantees.md) and [kill-resume](../kill-resume/README.md).",
+        f"0.1 (32f3fcf), {wrong['now']} now ({version()}).** Each runs in a folder of its own, with "
+        f"{options.limit:g} s for a command, 6 GiB of memory and files of at most 1 GiB. Where an attack "
+        "aims at files outside of a stranger's folder, these were made for it, devices too. It succeeds if "
+        "the command does not end as it should: well, or with one line and exit code 1.",
+        "",
+        "The numbers are those of the findings in issue 28; 11 was found later. Finding 10 is about tests, "
+        "not about the program: see [docs/guarantees.md](../../docs/guarantees.md) and "
+        "[kill-resume](../kill-resume/README.md).",
         "",
         f"{len(honest)} honest commands ran within the same limits, so that no attack succeeds for another "
         f"reason, such as an unknown option: {well['before']} end well on version 0.1, {well['now']} now.",

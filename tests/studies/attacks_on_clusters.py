@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
+import random
 import subprocess
 import time
 from collections.abc import Iterator
@@ -36,7 +36,7 @@ def on_cluster(on: Ground, address: str) -> Ended:
 
 PEERS = {
     "says nothing": b"",
-    "sends random bytes": bytes(os.urandom(4096)),
+    "sends random bytes": random.Random(1).randbytes(4096),
     "is a web server": b"HTTP/1.1 400 Bad Request\r\n\r\n",
 }
 for _title, _said in PEERS.items():
