@@ -65,7 +65,8 @@ def started_pose(model: mujoco.MjModel, start: Mapping[str, float], pose: Array)
     """Return a pose in which some joints have measured angles, and the equality constraints hold.
 
     Other joints move as little as the constraints need. A robot that stands on the ground is raised or
-    lowered until it touches it as it did in the given pose.
+    lowered until it touches it as it did in the given pose. Free play of a servo whose robot is fixed or held
+    is taken up by the load: the rotor rests where it carries the link.
 
     Args:
         model: the robot, with the parts that effects added.
@@ -85,7 +86,9 @@ def started_pose(model: mujoco.MjModel, start: Mapping[str, float], pose: Array)
     if model.neq:
         measured = [int(model.jnt_dofadr[joints[name]]) for name in start]
         started = with_added(_closed(model, started, measured), model)
-    return _on_the_ground(model, started, pose)
+    if _is_free(model):
+        return _on_the_ground(model, started, pose)
+    return _with_play_taken_up(model, started)
 
 
 def _driven_joints(model: mujoco.MjModel, count: int) -> list[str | None]:
@@ -124,10 +127,30 @@ def _closed(model: mujoco.MjModel, pose: Array, measured: Sequence[int]) -> Arra
     return np.array(data.qpos)
 
 
+def _is_free(model: mujoco.MjModel) -> bool:
+    return bool(model.njnt) and int(model.jnt_type[0]) == int(mujoco.mjtJoint.mjJNT_FREE)
+
+
+def _with_play_taken_up(model: mujoco.MjModel, pose: Array) -> Array:
+    """Return a pose in which each link with free play rests on its rotor, on the side of its load at rest."""
+    rotors = [joint for joint in range(model.njnt) if is_added(model.joint(joint).name)]
+    taken = np.array(pose)
+    if not rotors:
+        return taken
+    data = mujoco.MjData(model)
+    data.qpos[:] = pose
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fwdVelocity(model, data)
+    loads = data.qfrc_passive - data.qfrc_bias
+    for joint in rotors:
+        name = model.joint(joint).name
+        load = float(loads[model.joint(owner_of(name)).dofadr[0]])
+        taken[model.jnt_qposadr[joint]] -= np.sign(load) * model.tendon_range[model.tendon(name).id, 1]
+    return taken
+
+
 def _on_the_ground(model: mujoco.MjModel, pose: Array, before: Array) -> Array:
     """Return a pose in which a free robot is as close to what it stands on as in the pose before."""
-    if not model.njnt or int(model.jnt_type[0]) != int(mujoco.mjtJoint.mjJNT_FREE):
-        return pose
     apart = _clearance(model, before), _clearance(model, pose)
     if not np.isfinite(apart).all():
         return pose

@@ -75,7 +75,8 @@ def test_a_late_command_leaves_the_servo_at_rest_first(arm: Problem) -> None:
 def test_the_parts_that_effects_add_begin_there_too(arm: Problem) -> None:
     loose = Simulator.build(arm.with_effects({"servo_backlash": {"half_width_rad": 0.02}}))
     path = loose.run(constant(0.4, {"elbow": 0.4}))
-    assert path["joint.elbow"][0] == path["position.turn"][0] == 0.4
+    assert path["joint.elbow"][0] == 0.4
+    assert path["position.turn"][0] == pytest.approx(0.42), "the rotor carries the arm"
 
 
 @pytest.mark.parametrize("bend", [0.3, 1.2])
@@ -134,3 +135,15 @@ def test_an_actuator_with_a_lag_starts_a_gait_from_its_start_target(tmp_path: Pa
 def test_a_start_of_an_unknown_joint_is_refused(arm: Problem) -> None:
     with pytest.raises(GaitoptError, match=r"unknown joint 'elbo'; known: elbow \(nearest: 'elbow'\)"):
         Simulator.build(arm).run(constant(0.5, {"elbo": 0.0}))
+
+
+@pytest.mark.parametrize("measured", [-0.05, -1.2])
+def test_free_play_is_taken_up_by_the_load_at_the_start(measured: float) -> None:
+    """The weight pulls the arm down: it rests on its rotor, which is above it by half of the play."""
+    bench = load_problem("servo-bench").with_effects({"servo_backlash": {"half_width_rad": 0.03}})
+    log = LoggedCommands.of(["servo"], [0.0], [[measured + 0.03]]).recorded(0.3, 0.02, {"arm": measured})
+    path = Simulator.build(bench).run(log)
+    assert path["joint.arm"][0] == measured
+    assert path["position.servo"][0] == pytest.approx(measured + 0.03)
+    sagged = 0.354 * 9.81 * 0.168 * math.cos(measured) / 25.0
+    assert np.ptp(path["joint.arm"]) < 1.2 * sagged, "it does not fall through the play"
