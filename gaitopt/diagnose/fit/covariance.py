@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,7 +76,10 @@ def measurement_covariance(
         diagonal = np.flatnonzero(own)
         least = settings.least_marker_m if is_position(name) else settings.least_angle_rad
         covariance[diagonal, diagonal] += floor.noise**2 / counts[own] + least**2
-    if aligned.trial.clock_s > 0.0:
-        late = bins.means(aligned.simulated, aligned.offset_s + aligned.trial.clock_s)
+    clock_s = aligned.trial.clock_s
+    if aligned.trial.drive.period_s is None:
+        clock_s = math.hypot(clock_s, settings.least_clock_s)
+    if clock_s > 0.0:
+        late = bins.means(aligned.simulated, aligned.offset_s + clock_s)
         covariance += np.outer(late - nominal, late - nominal)
     return covariance

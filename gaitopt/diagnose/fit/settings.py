@@ -23,6 +23,8 @@ class WhiteningSettings:
         least_marker_m: smallest error of a bin of the marker, m: a simulator of rigid boxes is not more
             exact.
         least_angle_rad: the same of an angle, rad.
+        least_clock_s: smallest error of the clock of logged commands, s: a time step of the simulation, which
+            takes the angle that a servo follows from the beginning or the end of a step.
         offset_steps: Gauss–Newton steps at most for an unknown offset of the recording.
         offset_difference_s: half of the difference in offset over which a slope is measured, s.
         offset_max_blocks: longest step of the offset, in blocks.
@@ -39,6 +41,7 @@ class WhiteningSettings:
     spread_blocks: float = 0.3
     least_marker_m: float = 1e-4
     least_angle_rad: float = 1e-3
+    least_clock_s: float = 1e-3
     offset_steps: int = 4
     offset_difference_s: float = 2e-3
     offset_max_blocks: float = 0.1
