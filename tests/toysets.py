@@ -21,12 +21,13 @@ Array = NDArray[np.float64]
 Response = Callable[[float], Array]
 
 
-def toy_hypothesis(name: str, rough: bool = False) -> Hypothesis:
+def toy_hypothesis(name: str, rough: bool = False, unusual: float = 0.0) -> Hypothesis:
     """An effect from 0 to 1 that a problem file may set to any value from 0."""
     effect: Any = SimpleNamespace(
         name=name,
         target="none",
         rough=rough,
+        unusual=unusual,
         scale="lin",
         parameter="size",
         changes_robot=True,
@@ -45,10 +46,13 @@ class ToyBench:
         self.rows = RowBlocks(np.repeat(np.arange(trials), len(measured) // trials), np.arange(trials))
         self.simulated = 0
         self.rough: frozenset[str] = frozenset()
+        self.unusual: dict[str, float] = {}
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
-        return [toy_hypothesis(name, name in self.rough) for name in self.responses]
+        return [
+            toy_hypothesis(name, name in self.rough, self.unusual.get(name, 0.0)) for name in self.responses
+        ]
 
     def compared(self, request: RobotRequest) -> Comparison:
         """The rows compared with a robot that has some effects."""

@@ -165,7 +165,7 @@ def main() -> None:
         if not options.only or plan.name.startswith(tuple(options.only))
     ]
     began = time.monotonic()
-    with open_executor("threads", None) as executor:
+    with open_executor("processes", None) as executor:
         for plan in wanted:
             if time.monotonic() - began > options.until:
                 break

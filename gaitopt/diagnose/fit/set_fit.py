@@ -124,7 +124,11 @@ class SetFitter:
 
     def score(self, fit: SetFit) -> float:
         """Return the loss with the price of each effect, by which sets of different size compare."""
-        return fit.loss + self.settings.price * len(fit.hypotheses)
+        return fit.loss + self.price(fit)
+
+    def price(self, fit: SetFit) -> float:
+        """Return the loss that the effects of a set must save, or they are left out."""
+        return sum(self.settings.price + one.effect.unusual for one in fit.hypotheses)
 
     def with_effect(self, fit: SetFit, hypothesis: Hypothesis, at: float, robot: Comparison) -> SetFit:
         """Return a set with one more effect, still at its neutral value.

@@ -187,7 +187,7 @@ class SetSearch:
         return list(firsts.values())
 
     def _expected(self, fit: SetFit) -> float:
-        return self.fitter.expected(fit)[1] + self.settings.price * len(fit.hypotheses)
+        return self.fitter.expected(fit)[1] + self.fitter.price(fit)
 
     def _shares(self, hypothesis: Hypothesis) -> list[float]:
         """Return where an effect is tried: everywhere at first, then where it was best, and a little."""

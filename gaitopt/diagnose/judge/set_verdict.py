@@ -31,14 +31,17 @@ def conclude_sets(judgement: Judgement, sets: JudgedSets, n_hypotheses: int) -> 
         kind = "no_gap" if remains <= settings.left else "unexplained"
         return Verdict(kind, other_probability=other)
     first = judgement.first
-    chances = at_work(judgement)
+    chances = at_work(judgement, sets)
     causes = tuple(name for name, chance in chances.items() if chance > settings.at_work)
     rest = tuple(n for n, chance in chances.items() if settings.possible <= chance <= settings.at_work)
+    if not causes:
+        causes, rest = rest[:1], rest[1:]
     remains = _typical(sets, first)
     other = other_probability(remains / settings.other_half, settings)
     chance_alone = min(1.0, n_hypotheses * math.exp(min(0.0, sets.none - float(sets.scores[0]))))
     if remains <= settings.left:
-        kind = "ambiguous" if rest or not causes else "explained"
+        clear = bool(causes) and not rest and chances[causes[0]] > settings.at_work
+        kind = "explained" if clear else "ambiguous" if causes else "no_gap"
     else:
         explained = 1.0 - math.sqrt(remains / max(_typical(sets, judgement.none), 1e-300))
         kind = "partly_explained" if explained >= settings.little else "unexplained"
@@ -47,13 +50,15 @@ def conclude_sets(judgement: Judgement, sets: JudgedSets, n_hypotheses: int) -> 
     return Verdict(kind, causes, rest, other, chance_alone)
 
 
-def at_work(judgement: Judgement) -> Mapping[str, float]:
-    """Return the probability of each effect over all sets, the most probable first."""
+def at_work(judgement: Judgement, sets: JudgedSets) -> Mapping[str, float]:
+    """Return the probability over all sets that an effect is at work and matters, the likeliest first."""
+    least = judgement.settings.verdict.matters
     totals: dict[str, float] = {}
-    ranking = judgement.ranking
-    for candidate, chance in zip(ranking.candidates, ranking.probabilities.tolist(), strict=True):
-        for name in candidate.names:
-            totals[name] = totals.get(name, 0.0) + chance
+    chances = judgement.ranking.probabilities.tolist()
+    for candidate, changes, chance in zip(sets.candidates, sets.changes, chances, strict=True):
+        for one in candidate.hypotheses:
+            if changes[one.name] >= least:
+                totals[one.effect.name] = totals.get(one.effect.name, 0.0) + chance
     return dict(sorted(totals.items(), key=lambda item: -item[1]))
 
 

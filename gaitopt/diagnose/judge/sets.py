@@ -7,7 +7,7 @@ residual predict what it leaves of that fold, so that no fold costs a simulation
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -21,6 +21,7 @@ from gaitopt.diagnose.fit.runner import RobotRequest, Runner
 from gaitopt.diagnose.fit.set_fit import SetFit, SetFitter
 from gaitopt.diagnose.fit.set_search import SetSearch
 from gaitopt.diagnose.fit.settings import SetSettings
+from gaitopt.diagnose.fit.single import robot_request
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.judge.candidates import Candidate, heldout
 from gaitopt.diagnose.judge.precision import Interval
@@ -112,7 +113,8 @@ class SetJudge:
         found = []
         for candidate in candidates:
             left = self.loss.of_squares(self.trial_set.by_trial(candidate.heldout_loss)).sum()
-            prior = self.settings.inclusion * len(candidate.hypotheses) - 2.0 * candidate.log_target_share
+            included = sum(self.settings.inclusion + one.effect.unusual for one in candidate.hypotheses)
+            prior = included - 2.0 * candidate.log_target_share
             found.append(-0.5 * (float(left) + prior))
         return np.array(found)
 
@@ -120,6 +122,32 @@ class SetJudge:
         """Return the mean whitened square that is left of each trial held out, shape (trials,)."""
         left: Array = self.trial_set.by_trial(candidate.heldout_loss) / self.loss.rows
         return left
+
+    def changes(self, candidate: Candidate) -> dict[str, float]:
+        """Return the mean whitened square that each effect of a set changes, in the trial where it is most.
+
+        The slopes tell it; those of a limit or of free play tell too much of a small value.
+        """
+        fit = candidate.together
+        if fit is None:
+            return {}
+        moves = fit.shares - [h.share(h.neutral) for h in fit.hypotheses]
+        return self._most({h.name: fit.slopes[:, i] * moves[i] for i, h in enumerate(fit.hypotheses)})
+
+    def simulated_changes(self, candidate: Candidate) -> dict[str, float]:
+        """Return the same from robots without each effect; by the slopes where one cannot be simulated."""
+        fit = candidate.together
+        if fit is None:
+            return {}
+        points = [*zip(fit.hypotheses, fit.robot.at.tolist(), strict=True)]
+        requests = [robot_request(points[:i] + points[i + 1 :]) for i in range(len(points))]
+        without = zip(fit.hypotheses, self.fitter.simulate(requests), strict=True)
+        return self.changes(candidate) | self._most(
+            {h.name: robot.whitened - fit.robot.whitened for h, robot in without if robot is not None}
+        )
+
+    def _most(self, changes: Mapping[str, Array]) -> dict[str, float]:
+        return {name: float(np.max(self.loss.squares(one) / self.loss.rows)) for name, one in changes.items()}
 
     def _step_without(self, fit: SetFit, weights: Array) -> Array:
         """Return the step, in ranges, to the fit with other weights of the blocks."""
@@ -136,12 +164,14 @@ class JudgedSets:
         candidates: the sets, the most probable first; the empty set is left out.
         scores: logarithm of the posterior weight of each, up to a constant, shape (candidates,).
         none: the same of the empty set.
+        changes: what each effect of a set changes, see `SetJudge.changes`; simulated for the first set.
     """
 
     judge: SetJudge
     candidates: tuple[Candidate, ...]
     scores: Array
     none: float
+    changes: tuple[Mapping[str, float], ...]
 
     @staticmethod
     def of(judge: SetJudge, sets: Sequence[SetFit]) -> JudgedSets:
@@ -150,7 +180,10 @@ class JudgedSets:
         scores = judge.scores(every)
         order = [i for i in np.argsort(-scores, kind="stable").tolist() if every[i].hypotheses]
         none = [float(score) for one, score in zip(every, scores, strict=True) if not one.hypotheses]
-        return JudgedSets(judge, tuple(every[i] for i in order), scores[order], max(none, default=-math.inf))
+        candidates = tuple(every[i] for i in order)
+        changes = [judge.changes(one) for one in candidates]
+        changes[:1] = [judge.simulated_changes(one) for one in candidates[:1]]
+        return JudgedSets(judge, candidates, scores[order], max(none, default=-math.inf), tuple(changes))
 
     def intervals(self, candidate: Candidate, changes: Array) -> list[Interval]:
         """Return a 90 % interval of each parameter of a set, in its unit."""

@@ -115,6 +115,8 @@ class VerdictSettings:
         little: an effect that takes away a smaller part of the whitened residual than this explains nothing.
         uneven: recorded cycles are uneven if they differ this many times as much as simulated ones.
         noise_error: relative error of the measurement's noise, as estimated from the record.
+        matters: an effect of sets is no cause where it changes less than this, as a mean whitened square in
+            the trial that it changes most: it makes a small error smaller.
         at_work: an effect of sets is a cause if it is at least this probable,
         possible: and may be one if it is at least this probable.
         misfit: a trial does not fit the others if it leaves this many times what the median trial leaves.
@@ -133,6 +135,7 @@ class VerdictSettings:
     little: float = 0.3
     uneven: float = 4.0
     noise_error: float = 0.3
+    matters: float = 2.0
     at_work: float = 0.5
     possible: float = 0.1
     misfit: float = 30.0

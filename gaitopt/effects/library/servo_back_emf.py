@@ -73,6 +73,7 @@ SERVO_BACK_EMF = Effect(
     allowed=(0.0, math.inf),
     target="any",
     missing=_damped,
+    unusual=6.0,
     structure=_add_loss,
     model=_set_loss,
 )

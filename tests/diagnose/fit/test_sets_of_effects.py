@@ -108,6 +108,15 @@ def test_a_fit_of_all_effects_begins_without_those_whose_response_is_rough() -> 
     assert set(widest.effects) == set(made.responses) - {"effect_6"}
 
 
+@pytest.mark.parametrize("unusual", ["effect_1", "effect_3"])
+def test_of_two_effects_that_do_the_same_the_usual_one_is_found(unusual: str) -> None:
+    made = bench({"effect_1": 0.5}, 3)
+    made.responses["effect_3"] = made.responses["effect_1"]
+    made.unusual = {unusual: 6.0}
+    usual = ({"effect_1", "effect_3"} - {unusual}).pop()
+    assert made.search().run()[0].names == {usual}
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_noise_alone_has_no_effect(seed: int) -> None:
     best = bench({}, seed).search().run()[0]

@@ -1,0 +1,30 @@
+"""Which effects of sets are causes."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from toysets import toy_hypothesis
+
+from gaitopt.diagnose.judge.set_verdict import at_work
+from gaitopt.diagnose.judge.settings import VerdictSettings
+
+
+def judged(*sets: tuple[float, dict[str, float]]) -> tuple[Any, Any]:
+    """Sets, each with its probability and what its effects change."""
+    judgement = SimpleNamespace(
+        settings=SimpleNamespace(verdict=VerdictSettings(matters=2.0)),
+        ranking=SimpleNamespace(probabilities=np.array([chance for chance, _ in sets])),
+    )
+    candidates = [SimpleNamespace(hypotheses=[toy_hypothesis(name) for name in one]) for _, one in sets]
+    return judgement, SimpleNamespace(candidates=candidates, changes=[one for _, one in sets])
+
+
+def test_an_effect_is_as_probable_as_the_sets_that_have_it() -> None:
+    judgement, sets = judged((0.6, {"lag": 40.0, "trim": 9.0}), (0.3, {"lag": 50.0}), (0.1, {"play": 30.0}))
+    assert list(at_work(judgement, sets).items()) == [("lag", 0.6 + 0.3), ("trim", 0.6), ("play", 0.1)]
+
+
+def test_an_effect_that_changes_nearly_nothing_is_no_cause() -> None:
+    judgement, sets = judged((0.9, {"lag": 40.0, "gain": 0.3}), (0.1, {"lag": 40.0, "gain": 8.0}))
+    assert dict(at_work(judgement, sets)) == {"lag": 1.0, "gain": 0.1}
