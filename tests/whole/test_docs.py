@@ -117,11 +117,12 @@ def test_the_readmes_commands() -> None:
 @pytest.mark.usefixtures("workplace")
 def test_the_tutorials_commands() -> None:
     found = list(commands_in((ROOT / "docs" / "tutorial.md").read_text()))
-    assert [c.split()[1] for c in found if c.startswith("gaitopt")][-1] == "import"
+    assert [c.split()[1] for c in found if c.startswith("gaitopt")][-1] == "diagnose"
     for command in found:
         execute(command)
     assert (Path("run") / "report.html").is_file()
     assert (Path("first-look") / "report.html").is_file()
+    assert (Path("servo") / "report.html").is_file()
     assert list(Path("player").iterdir())
 
 
