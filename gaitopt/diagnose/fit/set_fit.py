@@ -131,7 +131,7 @@ class SetFitter:
         return sum(self.settings.price + one.effect.unusual for one in fit.hypotheses)
 
     def with_effect(self, fit: SetFit, hypothesis: Hypothesis, at: float, robot: Comparison) -> SetFit:
-        """Return a set with one more effect, still at its neutral value.
+        """Return a set with one more effect, still at its neutral value; a rough one where it was tried.
 
         Args:
             fit: the set without it.
@@ -142,7 +142,8 @@ class SetFitter:
         moved = hypothesis.share(at) - hypothesis.share(hypothesis.neutral)
         column = (robot.whitened - fit.robot.whitened) / moved
         samples = (_samples(robot) - _samples(fit.robot)) / moved
-        centre = replace(fit.robot, at=np.append(fit.robot.at, hypothesis.neutral))
+        neutral = replace(fit.robot, at=np.append(fit.robot.at, hypothesis.neutral))
+        centre = robot if hypothesis.effect.rough else neutral
         return self._fit(
             (*fit.hypotheses, hypothesis),
             centre,

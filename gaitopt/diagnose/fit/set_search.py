@@ -147,7 +147,10 @@ class SetSearch:
         tried = self._tried_beside(fit)
         if not tried:
             return fit
-        work = [replace(one.fit, radius=self.settings.first_radius) for one in tried[: self.settings.started]]
+        work = [
+            one.fit if one.hypothesis.effect.rough else replace(one.fit, radius=self.settings.first_radius)
+            for one in tried[: self.settings.started]
+        ]
         return self._fitted(work, self.settings.refined)
 
     def _fitted(self, work: Sequence[SetFit], refined: int) -> SetFit:
@@ -174,7 +177,8 @@ class SetSearch:
         for (h, share), (_, at), robot in zip(work, points, self.fitter.simulate(requests), strict=True):
             if robot is None:
                 continue
-            reach = abs(h.share(at) - h.share(h.neutral)) * self.settings.beyond
+            moved = abs(h.share(at) - h.share(h.neutral))
+            reach = self.settings.difference if h.effect.rough else moved * self.settings.beyond
             beside = replace(self.fitter.with_effect(fit, h, at, robot), radius=reach)
             one = _Tried(beside, share, self._expected(beside))
             if h.name not in best or one.expected < best[h.name].expected:
@@ -193,7 +197,9 @@ class SetSearch:
         """Return where an effect is tried: everywhere at first, then where it was best, and a little."""
         signs = [1.0 if bound > hypothesis.neutral else -1.0 for bound in hypothesis.sides]
         if hypothesis.name not in self._last:
-            return [sign * share for sign in signs for share in self.settings.screened]
+            rough = hypothesis.effect.rough
+            shares = self.settings.screened_rough if rough else self.settings.screened
+            return [sign * share for sign in signs for share in shares]
         last = self._last[hypothesis.name].share
         return sorted({last, *(sign * self.settings.screened[0] for sign in signs)})
 

@@ -206,6 +206,7 @@ class SetSettings:
         price: loss that an effect must save at least, or it is left out.
         worth: gain of the score from which the search goes on.
         screened: shares of the way from neutral to each bound at which an effect is tried first.
+        screened_rough: the same for an effect with a rough response, which is fitted from the best of them.
         beyond: how far an effect is expected to go, in multiples of where it was tried.
         started: effects that are added and fitted roughly.
         rough_rounds: rounds of that.
@@ -252,6 +253,7 @@ class SetSettings:
     price: float = 6.0
     worth: float = 1.0
     screened: tuple[float, ...] = (0.1, 0.35, 0.8)
+    screened_rough: tuple[float, ...] = tuple(0.08 * k for k in range(1, 13))
     beyond: float = 1.6
     started: int = 5
     rough_rounds: int = 3
