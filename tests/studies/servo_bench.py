@@ -101,6 +101,7 @@ def main() -> None:
     parser.add_argument("recordings", type=Path, help="folder of the tables")
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         write_dataset(options.recordings, Path(folder) / "bench")
         request = DiagnosisRequest(seed=1, next_gait=False)

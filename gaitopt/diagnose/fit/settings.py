@@ -260,7 +260,7 @@ class SetSettings:
     refined: int = 2
     fine_rounds: int = 3
     doubtful: float = 8.0
-    dropped: int = 2
+    dropped: int = 1
     swapped: int = 4
     exchanges: int = 2
     leading: float = 12.0
@@ -272,7 +272,7 @@ class SetSettings:
     right: float = 2.0
     few: float = 0.2
     starts: tuple[float, ...] = (0.05, 0.1, 0.15)
-    coarse_rounds: tuple[int, ...] = (3, 3, 2, 2, 1, 1)
+    coarse_rounds: tuple[int, ...] = (3, 2, 2, 1, 1, 1)
     coarse_radius: float = 0.1
     robust_rounds: int = 3
     widest_set: int = 20
