@@ -77,7 +77,7 @@ class RobustLoss:
 
     def shared_error(self, squares: Array) -> tuple[float, float]:
         """Return the error that all trials share from their sums of squares: rad, and share of the motion."""
-        return self.errors[int(np.argmin(self._losses(squares).sum(axis=1)))]
+        return self.errors[self._likeliest(squares)]
 
     def trial_weights(self, squares: Array) -> Array:
         """Return the weight of each trial in the least squares that lower the loss, shape (trials,).
@@ -85,7 +85,7 @@ class RobustLoss:
         Args:
             squares: sum of squares of each trial, shape (trials,).
         """
-        variances = self._variances[self.errors.index(self.shared_error(squares))]
+        variances = self._variances[self._likeliest(squares)]
         n, v = self.rows / self.tempers, self.freedom
         weights: Array = (v + n) / (v + squares / variances / self.tempers) / self.tempers / variances
         return weights
@@ -96,6 +96,9 @@ class RobustLoss:
         sizes, shares = np.square(self.errors).T
         variances: Array = 1.0 + np.outer(sizes, self.per_error) + np.outer(shares, self.per_motion)
         return variances
+
+    def _likeliest(self, squares: Array) -> int:
+        return int(np.argmin(self._losses(squares).sum(axis=1)))
 
     def _losses(self, squares: Array) -> Array:
         """Return the loss of each trial with each shared error, shape (errors, trials)."""

@@ -66,6 +66,11 @@ class SetFit:
         return Products.of(self.robot.whitened, self.slopes, self.rows)
 
     @property
+    def point(self) -> list[tuple[Hypothesis, float]]:
+        """The effects, each at its coordinate."""
+        return [*zip(self.hypotheses, self.robot.at.tolist(), strict=True)]
+
+    @property
     def names(self) -> frozenset[str]:
         """The effects with their targets."""
         return frozenset(one.name for one in self.hypotheses)
@@ -78,7 +83,7 @@ class SetFit:
     @property
     def shares(self) -> Array:
         """The coordinates in ranges, shape (k,)."""
-        return np.array([h.share(at) for h, at in zip(self.hypotheses, self.robot.at.tolist(), strict=True)])
+        return np.array([h.share(at) for h, at in self.point])
 
     @property
     def limits(self) -> tuple[Array, Array]:

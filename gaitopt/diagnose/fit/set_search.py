@@ -169,10 +169,7 @@ class SetSearch:
         others = [h for h in self.hypotheses if h.effect.name not in fit.effects]
         work = [(h, share) for h in others for share in self._shares(h)]
         points = [(h, _coordinate(h, share)) for h, share in work]
-        requests = [
-            robot_request([*zip(fit.hypotheses, fit.robot.at.tolist(), strict=True), point])
-            for point in points
-        ]
+        requests = [robot_request([*fit.point, point]) for point in points]
         best: dict[str, _Tried] = {}
         for (h, share), (_, at), robot in zip(work, points, self.fitter.simulate(requests), strict=True):
             if robot is None:
@@ -223,7 +220,7 @@ class SetSearch:
 
     def _simulated(self, fits: Sequence[SetFit]) -> list[SetFit]:
         """Return sets whose residual was only predicted with that of a simulated robot."""
-        requests = [robot_request(zip(fit.hypotheses, fit.robot.at.tolist(), strict=True)) for fit in fits]
+        requests = [robot_request(fit.point) for fit in fits]
         robots = self.fitter.simulate(requests)
         return [
             self.fitter.at_robot(fit, robot)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from gaitopt.diagnose.fit.products import RowBlocks
 from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.problem.problem import Problem
 from gaitopt.robot.signals import is_position
@@ -125,6 +126,11 @@ class TrialSet:
         return int(self.block_trials[-1]) + 1
 
     @cached_property
+    def rows(self) -> RowBlocks:
+        """The block of each row, and the trial of each block."""
+        return RowBlocks(self.row_blocks, self.block_trials)
+
+    @cached_property
     def rows_per_block(self) -> Array:
         """Number of rows of each block, shape (blocks,)."""
         counts: Array = np.bincount(self.row_blocks, minlength=self.n_blocks).astype(float)
@@ -158,8 +164,7 @@ class TrialSet:
 
     def products(self, one: Array, other: Array) -> Array:
         """Return the inner product of two whitened residuals, block by block, shape (blocks,)."""
-        sums: Array = np.bincount(self.row_blocks, one * other, minlength=self.n_blocks).astype(float)
-        return sums
+        return self.rows.sums(one * other)
 
     def losses(self, whitened: Array) -> Array:
         """Return the loss of each block: the sum of its squared whitened residuals, shape (blocks,)."""
@@ -167,8 +172,7 @@ class TrialSet:
 
     def by_trial(self, of_blocks: Array) -> Array:
         """Return the sum of a value of each block over each trial, shape (trials,)."""
-        totals: Array = np.bincount(self.block_trials, of_blocks, minlength=self.n_trials).astype(float)
-        return totals
+        return self.rows.by_trial(of_blocks)
 
     def compare(self, at: Sequence[float], trajectories: Sequence[Trajectory]) -> Comparison | None:
         """Return the trials compared with predictions, whitened by the first covariance; None where one

@@ -34,13 +34,13 @@ def conclude_sets(judgement: Judgement, sets: JudgedSets, n_hypotheses: int) -> 
     chances = at_work(judgement, sets)
     causes = tuple(name for name, chance in chances.items() if chance > settings.at_work)
     rest = tuple(n for n, chance in chances.items() if settings.possible <= chance <= settings.at_work)
+    clear = bool(causes) and not rest
     if not causes:
         causes, rest = rest[:1], rest[1:]
     remains = _typical(sets, first)
     other = other_probability(remains / settings.other_half, settings)
     chance_alone = min(1.0, n_hypotheses * math.exp(min(0.0, sets.none - float(sets.scores[0]))))
     if remains <= settings.left:
-        clear = bool(causes) and not rest and chances[causes[0]] > settings.at_work
         kind = "explained" if clear else "ambiguous" if causes else "no_gap"
     else:
         explained = 1.0 - math.sqrt(remains / max(_typical(sets, judgement.none), 1e-300))

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
-from gaitopt.diagnose.fit.products import RowBlocks
 from gaitopt.diagnose.fit.robust import RobustLoss
 from gaitopt.diagnose.fit.runner import RobotRequest, Runner
 from gaitopt.diagnose.fit.set_fit import SetFit, SetFitter
@@ -65,8 +64,7 @@ class SetJudge:
             trial_set.motions,
             tuple(product(settings.errors_rad, settings.error_shares)),
         )
-        rows = RowBlocks(trial_set.row_blocks, trial_set.block_trials)
-        return SetJudge(trial_set, loss, SetFitter(loss, simulate, rows, settings), settings)
+        return SetJudge(trial_set, loss, SetFitter(loss, simulate, trial_set.rows, settings), settings)
 
     def search(self, hypotheses: Sequence[Hypothesis], nominal: Comparison) -> list[SetFit]:
         """Return the sets that were fitted, the best first; the empty set is among them."""
@@ -102,9 +100,7 @@ class SetJudge:
             robot.whitened,
             heldout(trial_set, trial_set.sample_blocks, lambda weights: of_samples(weights)[:split]),
             heldout(trial_set, trial_set.angle_blocks, lambda weights: of_samples(weights)[split:]),
-            log_priors=tuple(
-                h.log_prior(at) for h, at in zip(fit.hypotheses, robot.at.tolist(), strict=True)
-            ),
+            log_priors=tuple(h.log_prior(at) for h, at in fit.point),
             together=fit,
         )
 
@@ -123,26 +119,20 @@ class SetJudge:
         left: Array = self.trial_set.by_trial(candidate.heldout_loss) / self.loss.rows
         return left
 
-    def changes(self, candidate: Candidate) -> dict[str, float]:
+    def changes(self, fit: SetFit) -> dict[str, float]:
         """Return the mean whitened square that each effect of a set changes, in the trial where it is most.
 
         The slopes tell it; those of a limit or of free play tell too much of a small value.
         """
-        fit = candidate.together
-        if fit is None:
-            return {}
         moves = fit.shares - [h.share(h.neutral) for h in fit.hypotheses]
         return self._most({h.name: fit.slopes[:, i] * moves[i] for i, h in enumerate(fit.hypotheses)})
 
-    def simulated_changes(self, candidate: Candidate) -> dict[str, float]:
+    def simulated_changes(self, fit: SetFit) -> dict[str, float]:
         """Return the same from robots without each effect; by the slopes where one cannot be simulated."""
-        fit = candidate.together
-        if fit is None:
-            return {}
-        points = [*zip(fit.hypotheses, fit.robot.at.tolist(), strict=True)]
-        requests = [robot_request(points[:i] + points[i + 1 :]) for i in range(len(points))]
+        point = fit.point
+        requests = [robot_request(point[:i] + point[i + 1 :]) for i in range(len(point))]
         without = zip(fit.hypotheses, self.fitter.simulate(requests), strict=True)
-        return self.changes(candidate) | self._most(
+        return self.changes(fit) | self._most(
             {h.name: robot.whitened - fit.robot.whitened for h, robot in without if robot is not None}
         )
 
@@ -180,9 +170,9 @@ class JudgedSets:
         scores = judge.scores(every)
         order = [i for i in np.argsort(-scores, kind="stable").tolist() if every[i].hypotheses]
         none = [float(score) for one, score in zip(every, scores, strict=True) if not one.hypotheses]
+        changes = [judge.simulated_changes(sets[i]) for i in order[:1]]
+        changes += [judge.changes(sets[i]) for i in order[1:]]
         candidates = tuple(every[i] for i in order)
-        changes = [judge.changes(one) for one in candidates]
-        changes[:1] = [judge.simulated_changes(one) for one in candidates[:1]]
         return JudgedSets(judge, candidates, scores[order], max(none, default=-math.inf), tuple(changes))
 
     def intervals(self, candidate: Candidate, changes: Array) -> list[Interval]:
