@@ -31,9 +31,6 @@ SETTLE_S = 1.5
 ROW_S = 0.02
 """Time between two rows of a log, s."""
 
-RISE = 10.0
-"""Slope with which a punch rises, over the servo's gain."""
-
 COUNT_RAD = 0.0015
 """Angle of an encoder's count, rad."""
 
@@ -56,7 +53,6 @@ class Servo:
         weight: torque of the arm's weight where it is level, N m.
         tilt: angle at which the arm is level, by the tilt of its bench.
         deadband: half the width of the errors that give no torque.
-        punch: torque that is added outside of the dead band; it rises with ten times the gain, N m.
         play: half the free play between rotor and arm.
         travel, trim: gain and offset of the commanded angle.
         resolution: step of the commanded angle.
@@ -79,7 +75,6 @@ class Servo:
     weight: float = 0.354 * 9.81 * 0.168
     tilt: float = 0.0
     deadband: float = 0.0
-    punch: float = 0.0
     play: float = 0.0
     travel: float = 1.0
     trim: float = 0.0
@@ -97,7 +92,6 @@ EFFECTS: dict[str, Callable[[Servo, float], Servo]] = {
     "servo_damping": lambda servo, value: replace(servo, damping=servo.damping * value),
     "servo_inertia": lambda servo, value: replace(servo, armature=value),
     "servo_deadband": lambda servo, value: replace(servo, deadband=value),
-    "servo_punch": lambda servo, value: replace(servo, punch=value),
     "servo_backlash": lambda servo, value: replace(servo, play=value),
     "servo_travel": lambda servo, value: replace(servo, travel=value),
     "servo_trim": lambda servo, value: replace(servo, trim=value),
@@ -246,7 +240,6 @@ class _Figures:
     weight: Array
     tilt: Array
     deadband: Array
-    punch: Array
     play: Array
     back_emf: Array
 
@@ -286,9 +279,8 @@ class _Drive:
     def of(figures: _Figures, followed: Array, angle: Array, powered: Array) -> _Drive:
         error = followed - angle
         error = np.where(powered > 0.0, error - _within(error, figures.deadband), 0.0)
-        punch = _within(RISE * figures.gain * error, figures.punch)
         on = figures.damping * powered, figures.limit * powered, figures.back_emf * powered
-        return _Drive(figures.gain * error + punch, *on)
+        return _Drive(figures.gain * error, *on)
 
     def torque(self, speed: Array) -> Array:
         """Return the torque at a speed, the loss included, N m."""

@@ -98,8 +98,6 @@ class Effect:
         of_clock: whether it is an error of the recording's clock; logged commands may share that clock.
         of_free_robot: whether it is the cause of a gap only where the first module moves freely: on a bench,
             it would stand for another error of the arm.
-        of_bench: whether only a robot that servos alone turn shows it: where the first module moves freely,
-            other effects do the same, and it is not tried.
         unusual: minus twice the logarithm of the odds that it is at work, beside other effects: it is named
             only where none of these does the same.
         rough: whether the response jumps, or is left to chance, where the parameter changes smoothly: slopes
@@ -128,7 +126,6 @@ class Effect:
     shifts_start: bool = False
     of_clock: bool = False
     of_free_robot: bool = False
-    of_bench: bool = False
     unusual: float = 0.0
     rough: bool = False
     structure: Structure | None = None

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gaitopt.effects.added import is_added
 from gaitopt.effects.library.servo_back_emf import back_emf
-from gaitopt.effects.library.servo_drives import net_torque_limits
+from gaitopt.effects.library.servo_deadband import net_torque_limits
 
 
 @dataclass(frozen=True)

@@ -156,7 +156,6 @@ FIGURES = (
     _one("speed limit", "rad/s", "servo_speed_limit", _constant(math.inf), math.inf),
     _one("rotor inertia", "kg m^2", "servo_inertia", _of_joints("dof_armature")),
     _one("dead band", "rad", "servo_deadband", _constant(0.0)),
-    _one("punch", "N m", "servo_punch", _constant(0.0)),
     _one("free play", "rad", "servo_backlash", _constant(0.0)),
     _one("dry friction", "N m", "servo_friction", _of_joints("dof_frictionloss")),
     _one("friction by load", "", "servo_friction_load", _constant(0.0)),

@@ -109,9 +109,7 @@ def test_the_diagnosis_asks_an_effect_and_no_list(nominal: Parts) -> None:
     }
     in_record = {effect.name for effect in EFFECTS.values() if effect.found_in_record}
     assert in_record == {"clock_rounding", "marker_outliers"}
-    on_bench = {effect.name for effect in EFFECTS.values() if effect.of_bench}
-    assert on_bench == {"servo_punch"}
-    assert {effect.name for effect in HERE} - {e.name for e in tried[True]} == in_record | on_bench
+    assert {effect.name for effect in HERE} - {e.name for e in tried[True]} == in_record
     assert {e.name for e in tried[True] - tried[False]} == {"clock_offset"}
     needs_start = {effect.name for effect in EFFECTS.values() if effect.needs_known_start}
     assert needs_start == {"command_latency", "clock_offset", "clock_rate"}

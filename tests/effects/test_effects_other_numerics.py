@@ -29,7 +29,6 @@ VALUES = {
     "servo_gain": 0.6,
     "servo_damping": 0.5,
     "servo_inertia": 0.015,
-    "servo_punch": 0.3,
     "servo_travel": 0.9,
     "servo_trim": 0.05,
     "servo_friction": 0.3,

@@ -91,52 +91,6 @@ def test_a_dead_band_keeps_the_torque_limit(rig: rigs.Make) -> None:
     assert robot.torque_limit == pytest.approx([0.05])
 
 
-def test_a_punch_is_added_where_the_error_leaves_the_dead_band(rig: rigs.Make) -> None:
-    """Beyond the band d the torque is kp (e - d) and the punch; a smaller load is held at the edge."""
-    effects = {"servo_deadband": {"half_width_rad": 0.05}, "servo_punch": {"torque_n_m": 0.03}}
-    held = rigs.hold(rig(), 0.0, 2.0, **effects)
-    angle = last(held, "joint.elbow")
-    assert LOAD * math.cos(angle) > 0.03
-    assert -angle == pytest.approx(0.05 + (LOAD * math.cos(angle) - 0.03) / GAIN, rel=1e-6)
-    effects["servo_punch"]["torque_n_m"] = 0.2
-    held = rigs.hold(rig(), 0.0, 2.0, **effects)
-    angle = last(held, "joint.elbow")
-    assert -angle == pytest.approx(0.05 + LOAD * math.cos(angle) / (11.0 * GAIN), rel=1e-6)
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_punch_overcomes_friction_that_stops_the_gain(rig: rigs.Make, side: float) -> None:
-    """kp e = 0.02 N m does not move an arm with 0.1 N m of dry friction; a punch of 0.15 N m does.
-
-    The arm stops where friction holds it: where 11 kp e is at most 0.1 N m.
-    """
-    friction = {"servo_friction": {"torque_n_m": 0.1}}
-    free = rig(gravity=0.0, damping=0.1)
-    assert abs(last(rigs.hold(free, side * 0.01, 1.0, **friction), "joint.elbow")) < 1e-6
-    moved = rigs.hold(free, side * 0.01, 1.0, **friction, servo_punch={"torque_n_m": 0.15})
-    assert side * last(moved, "joint.elbow") == pytest.approx(0.01, abs=0.1 / (11.0 * GAIN))
-
-
-def test_a_punch_keeps_the_torque_limit(rig: rigs.Make) -> None:
-    problem = rig()
-    effects = {
-        "servo_deadband": {"half_width_rad": 0.05},
-        "servo_torque_limit": {"limit_n_m": 0.05},
-        "servo_punch": {"torque_n_m": 0.02},
-    }
-    stalled = rigs.hold(problem, 1.5, 3.0, **effects)
-    assert last(stalled, "torque.turn") == pytest.approx(0.05, rel=1e-9)
-    robot = Robot.of(Simulator.build(problem.with_effects(effects)).models[0])
-    assert robot.torque_limit == pytest.approx([0.05])
-
-
-def test_a_supply_does_not_turn_the_limits_round(rig: rigs.Make) -> None:
-    """Where a punch leaves little of the limit, what the supply takes from it ends at nothing."""
-    effects = {"servo_punch": {"torque_n_m": 0.4}, "servo_sag": {"share_lost": 0.8}}
-    pushed = rigs.hold(rig(), 1e3, 0.5, **effects)
-    assert pushed["torque.turn"].min() > 0.39
-
-
 @pytest.mark.parametrize("gravity", [9.81, -9.81])
 def test_backlash_lets_the_link_move_by_its_half_width_to_either_side(rig: rigs.Make, gravity: float) -> None:
     play = math.radians(2.0)

@@ -23,7 +23,6 @@ LEARNT: Mapping[str, Values] = {
     "servo_stiction": {"torque_n_m": 0.01, "target": "all"},
     "servo_lag": {"time_constant_s": 0.03, "target": "all"},
     "servo_deadband": {"half_width_rad": 0.01, "target": "all"},
-    "servo_punch": {"torque_n_m": 0.02, "target": "all"},
     "command_latency": {"delay_s": 0.02},
 }
 

@@ -66,7 +66,6 @@ def test_a_servo_without_power_from_the_beginning(arm: Problem) -> None:
     ("effect", "value"),
     [
         ("servo_deadband", {"half_width_rad": 0.02}),
-        ("servo_punch", {"torque_n_m": 0.1}),
         ("servo_backlash", {"half_width_rad": 0.02}),
         ("servo_speed_limit", {"limit_rad_s": 2.0}),
         ("servo_sag", {"share_lost": 0.3}),

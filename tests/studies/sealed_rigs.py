@@ -31,7 +31,6 @@ BENCH_KINDS: Mapping[str, Kind] = {
     "servo_damping": Kind("scale", ((0.8, 0.1), (1.25, 3.0)), neutral=1.0),
     "servo_inertia": Kind("armature_kg_m2", ((0.007, 0.05),), neutral=0.005),
     "servo_deadband": Kind("half_width_rad", ((0.008, 0.08),)),
-    "servo_punch": Kind("torque_n_m", ((0.1, 1.6),)),
     "servo_backlash": Kind("half_width_rad", ((0.008, 0.08),)),
     "servo_travel": Kind("gain", ((0.96, 0.75), (1.04, 1.25)), neutral=1.0),
     "servo_trim": Kind("offset_rad", ((0.02, 0.2), (-0.02, -0.2))),

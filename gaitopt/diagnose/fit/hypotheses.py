@@ -121,8 +121,8 @@ def hypotheses(
     for effect in EFFECTS.values():
         nuisance = effect.shifts_start and not offset_known
         shared = effect.of_clock and one_clock
-        elsewhere = effect.of_free_robot if nominal.on_bench else effect.of_bench
-        if effect.found_in_record or nuisance or shared or elsewhere or effect.name in known:
+        fixed = effect.of_free_robot and nominal.on_bench
+        if effect.found_in_record or nuisance or shared or fixed or effect.name in known:
             continue
         for target in _targets(effect, channels):
             parts = replace(nominal, target=target)

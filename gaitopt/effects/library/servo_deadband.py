@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
-from gaitopt.effects.added import added_name
+from gaitopt.effects.added import added_name, owner_of
 from gaitopt.effects.effect import Effect
 from gaitopt.effects.library.servo import drives_no_joint
-from gaitopt.effects.library.servo_drives import add_drive, drive_of
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 
@@ -19,14 +20,35 @@ def _add_opposition(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
     servo's torque is then measured at the joint. It sees the error through the servo's own lag.
     """
     for index in nominal.servos:
-        add_drive(spec, spec.actuators[index], "dead_band")
+        servo = spec.actuators[index]
+        spec.add_actuator(
+            name=added_name("dead_band", servo.name),
+            trntype=servo.trntype,
+            target=servo.target,
+            gear=servo.gear,
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+            forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
+            forcerange=[-1.0, 1.0],
+            dyntype=servo.dyntype,
+            dynprm=servo.dynprm,
+            actearly=servo.actearly,
+        )
+        for sensor in spec.sensors:
+            if sensor.type == mujoco.mjtSensor.mjSENS_ACTUATORFRC and sensor.objname == servo.name:
+                sensor.type = mujoco.mjtSensor.mjSENS_JOINTACTFRC
+                sensor.objtype = mujoco.mjtObj.mjOBJ_JOINT
+                sensor.objname = servo.target
 
 
 def _oppose(parts: Parts, half_width: float, _: float) -> None:
     """Set the band; a servo with a torque limit may use it all beyond the band."""
     model = parts.model
     for servo in parts.servos:
-        opposed = drive_of(model, servo, "dead_band")
+        opposed = model.actuator(added_name("dead_band", model.actuator(servo).name)).id
+        model.actuator_dyntype[opposed] = model.actuator_dyntype[servo]
+        model.actuator_dynprm[opposed] = model.actuator_dynprm[servo]
+        model.actuator_actearly[opposed] = model.actuator_actearly[servo]
         gain, bias = model.actuator_gainprm[servo, 0], model.actuator_biasprm[servo]
         model.actuator_gainprm[opposed, 0] = -gain
         model.actuator_biasprm[opposed, :2] = -bias[:2]
@@ -59,10 +81,11 @@ SERVO_DEADBAND = Effect(
 )
 
 
-def half_width(model: mujoco.MjModel, servo: int) -> float:
-    """Return half the width of a servo's dead band, in the unit of its command; 0 without."""
-    names = [model.actuator(i).name for i in range(model.nu)]
-    name = added_name("dead_band", names[servo])
-    if name not in names:
-        return 0.0
-    return float(model.actuator_forcerange[names.index(name), 1] / model.actuator_gainprm[servo, 0])
+def net_torque_limits(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """Return each actuator's upper torque limit less what a dead band cancels of it, N m, shape (nu,)."""
+    limits = np.array(model.actuator_forcerange[:, 1])
+    for i in range(model.nu):
+        name = model.actuator(i).name
+        if name == added_name("dead_band", owner_of(name)):
+            limits[model.actuator(owner_of(name)).id] -= limits[i]
+    return limits

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gaitopt.effects.added import added_name
 from gaitopt.effects.effect import LOOP_INTERVAL_S, Effect, Update
 from gaitopt.effects.library.servo import drives_no_joint, torque_limit
-from gaitopt.effects.library.servo_drives import net_torque_limits
+from gaitopt.effects.library.servo_deadband import net_torque_limits
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 
@@ -52,8 +52,7 @@ def _sag(parts: Parts, share: float) -> Update:
         nonlocal drawn
         now = min(1.0, sum(abs(sensed.item(address)) for address in addresses) / available)
         drawn += LOOP_INTERVAL_S / _SUPPLY_S * (now - drawn)
-        left = ranges - drawn * lost
-        model.actuator_forcerange[servos] = np.sign(ranges) * np.maximum(np.sign(ranges) * left, 0.0)
+        model.actuator_forcerange[servos] = ranges - drawn * lost
 
     return update
 
