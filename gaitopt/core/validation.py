@@ -57,7 +57,7 @@ def validated(record: type[Record], values: object, source: object) -> Record:
 def _first_problem(error: ValidationError, record: type[BaseModel], source: object) -> str:
     problems = error.errors(include_url=False)
     first = problems[0]
-    key = ".".join(str(part) for part in first["loc"]) or "file"
+    key = ".".join(filter(str.strip, map(str, first["loc"]))) or "file"
     if first["type"] == "missing":
         text = f"{key}: missing; it is required"
     elif first["type"] == "extra_forbidden":

@@ -19,6 +19,19 @@ from gaitopt.robot.trajectory import Trajectory
 Values = Mapping[str, float | str]
 """A file's table of one effect: its parameter, and ``target`` for a servo's."""
 
+Tables = Values | Sequence[Values]
+"""One table of an effect, or several: one for each of its targets, as ``[[effects.NAME]]`` in a file."""
+
+
+def tables_of(asked: Tables) -> list[Values]:
+    """Return the tables of one effect, one for each target."""
+    return [asked] if isinstance(asked, Mapping) else list(asked)
+
+
+def written(asked: Tables) -> dict[str, float | str] | list[dict[str, float | str]]:
+    """Return the same as a file holds it: a copy that nothing else changes."""
+    return dict(asked) if isinstance(asked, Mapping) else [dict(one) for one in asked]
+
 
 @dataclass(frozen=True)
 class ActiveEffect:
@@ -36,28 +49,39 @@ class ActiveEffect:
 
 
 def active_effects(
-    asked: Mapping[str, Values], roles: Roles, channels: Sequence[str], source: object
+    asked: Mapping[str, Tables], roles: Roles, channels: Sequence[str], source: object
 ) -> tuple[ActiveEffect, ...]:
     """Return the effects that a file switches on, in the order in which they act.
 
     Args:
-        asked: the file's tables, by the effect's name.
+        asked: the file's table of each effect, or its tables, one for each target, by the effect's name.
         roles: the problem's roles.
         channels: the problem's actuators.
         source: the file, for messages.
 
     Raises:
-        GaitoptError: there is no such effect, parameter or target, a value is not allowed, or the role
-            that an effect acts on is empty.
+        GaitoptError: there is no such effect, parameter or target, a value is not allowed, the role that an
+            effect acts on is empty, or two tables of an effect act on the same actuator.
     """
     for name in asked:
         if name not in EFFECTS:
             raise unknown_name(source, "effect in effects:", name, EFFECTS)
-    return tuple(
-        _active_effect(effect, asked[name], roles, channels, f"{source}: effects.{name}")
-        for name, effect in EFFECTS.items()
-        if name in asked
-    )
+    active: list[ActiveEffect] = []
+    for name, effect in EFFECTS.items():
+        if name in asked:
+            where = f"{source}: effects.{name}"
+            own = [
+                _active_effect(effect, values, roles, channels, where) for values in tables_of(asked[name])
+            ]
+            _check_apart([one.target for one in own], where)
+            active += own
+    return tuple(active)
+
+
+def _check_apart(targets: Sequence[str], source: str) -> None:
+    """Check that no actuator has an effect twice."""
+    if len(targets) > 1 and (ALL in targets or len(set(targets)) < len(targets)):
+        raise bad_value(source, "target", ", ".join(targets), f"each actuator once, or {ALL} alone")
 
 
 def _active_effect(

@@ -13,7 +13,7 @@ import tomli_w
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.core.files import found_inside, read_toml
 from gaitopt.core.validation import validated
-from gaitopt.effects.active import ActiveEffect, Values, active_effects
+from gaitopt.effects.active import ActiveEffect, Tables, active_effects, written
 from gaitopt.gait.gait import Gait, read_gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.gait.table import is_table, read_table
@@ -228,16 +228,17 @@ class Problem:
             dumped["parameters"][name] |= {"value": value}
         return self._with(validated(ProblemFile, dumped, self.source))
 
-    def with_effects(self, effects: Mapping[str, Values]) -> Problem:
+    def with_effects(self, effects: Mapping[str, Tables]) -> Problem:
         """Return the problem with more effects switched on, or with other values of those that are.
 
         Args:
-            effects: by the effect's name, the keys of its table in a file: its parameter, and ``target``.
+            effects: by the effect's name, the keys of its table in a file: its parameter, and ``target``; or
+                several such tables, one for each target.
 
         Raises:
             GaitoptError: an effect is unknown, wrong or not applicable.
         """
-        switched_on = self.file.effects | {name: dict(values) for name, values in effects.items()}
+        switched_on = self.file.effects | {name: written(tables) for name, tables in effects.items()}
         return self._with(self.file.model_copy(update={"effects": switched_on}))
 
     def with_horizon(self, horizon: Horizon) -> Problem:

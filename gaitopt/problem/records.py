@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from gaitopt.core.errors import unknown_name
 from gaitopt.core.validation import PLAIN_NUMBER, Name
@@ -23,6 +23,15 @@ from gaitopt.problem.fields import (
 )
 from gaitopt.problem.objective import Objective
 from gaitopt.robot.roles import Roles
+
+EffectTable = dict[str, Number | str]
+
+EffectTables = Annotated[
+    Annotated[EffectTable, Tag("")]
+    | Annotated[list[Annotated[EffectTable, Field(min_length=1)]], Field(min_length=1), Tag(" ")],
+    Discriminator(lambda value: " " if isinstance(value, list) else ""),
+]
+"""The table of an effect, or several, one for each of its targets; messages leave blank tags out."""
 
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
 
@@ -236,7 +245,7 @@ class ProblemFile(FileRecord):
     simulation: Simulation
     servo: Servo = Servo()
     scenarios: ScenarioSpread = ScenarioSpread()
-    effects: dict[str, dict[str, Number | str]] = Field(default_factory=dict)
+    effects: dict[str, EffectTables] = Field(default_factory=dict)
     objective: Objective | None = None
     planar: Planar | None = None
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.effects import EFFECTS
-from gaitopt.effects.active import Values
+from gaitopt.effects.active import Values, written
 from gaitopt.effects.parts import ALL, Parts
 from gaitopt.problem.model import nominal_parts, with_includes
 from gaitopt.problem.problem import Problem
@@ -77,7 +77,7 @@ class Changes:
     def applied(self, problem: Problem) -> Problem:
         """Return a problem with these changes; parameters that are added act last."""
         asked = {**problem.file.effects, **self.effects}
-        effects = {name: dict(values) for name, values in asked.items() if values is not None}
+        effects = {name: written(one) for name, one in asked.items() if one is not None}
         kept = {name: one for name, one in problem.file.parameters.items() if name not in self.parameters}
         update = {"effects": effects, "parameters": {**kept, **self.parameters}}
         file = problem.file.model_copy(update=update)

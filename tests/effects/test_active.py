@@ -158,6 +158,31 @@ def test_an_effect_goes_into_other_processes(quick: Problem) -> None:
     assert here.metrics["speed_m_s"] != assess(plain, gait, 0).metrics["speed_m_s"]
 
 
+SERVO_EFFECTS = [pytest.param(effect, id=effect.name) for effect in HERE if effect.target == "any"]
+
+
+@pytest.mark.parametrize("effect", SERVO_EFFECTS)
+def test_an_effect_on_each_servo_by_itself_is_the_effect_on_all(
+    effect: Effect, arcfold: Problem, nominal: Parts
+) -> None:
+    value, gait = strong(effect, nominal), arcfold.baselines["square-1s"]
+    tables: list[Values] = [{effect.parameter: value, "target": name} for name in arcfold.channel_names]
+    apart = Simulator.build(arcfold.with_effects({effect.name: tables})).run(gait, duration=0.3)
+    together = Simulator.build(arcfold.with_effects(asked(effect, value))).run(gait, duration=0.3)
+    assert same_bits(apart, together)
+
+
+def test_a_file_gives_servos_different_values_of_an_effect(quick_folder: Path, tmp_path: Path) -> None:
+    tables = [{"scale": 0.9, "target": "foot1"}, {"scale": 1.2, "target": "mid_act"}]
+
+    def unequal(content: dict[str, Any]) -> None:
+        content["effects"] = {"servo_gain": tables}
+
+    problem = load_problem(problem_folder(tmp_path / "unequal", quick_folder, unequal))
+    assert [(one.value, one.target) for one in problem.effects] == [(0.9, "foot1"), (1.2, "mid_act")]
+    assert tomllib.loads(problem.to_toml("model.xml"))["effects"] == {"servo_gain": tables}
+
+
 # --- wrong files --------------------------------------------------------------------------------
 
 
@@ -176,6 +201,11 @@ def test_an_effect_goes_into_other_processes(quick: Problem) -> None:
         ({"channel_timing": {"delay_s": 0.1}}, r"target: missing; allowed: one of mid_act, foot1, foot2"),
         ({"channel_timing": {"delay_s": 0.1, "target": "all"}}, r"unknown target 'all'"),
         ({"pad_friction": {"scale": 2.0, "target": "foot1"}}, r"unknown parameter 'target'; known: scale"),
+        (
+            {"servo_gain": [{"scale": 2.0}, {"scale": 1.5, "target": "foot1"}]},
+            r"servo_gain: target: found 'all, foot1'; allowed: each actuator once, or all alone",
+        ),
+        ({"pad_friction": [{"scale": 2.0}, {"scale": 2.0}]}, r"found 'all, all'; allowed: each actuator"),
     ],
 )  # fmt: skip
 def test_a_wrong_effect_is_one_line(arcfold: Problem, effects: dict[str, Any], message: str) -> None:
