@@ -19,7 +19,10 @@ from gaitopt.simulation.labels import label_of, shown
 
 if TYPE_CHECKING:
     from gaitopt.effects.rows import EffectRow
+    from gaitopt.jobs.simulate import Rollout
     from gaitopt.optimise.compare import ComparedGait
+    from gaitopt.optimise.robots import OverRobots
+    from gaitopt.optimise.sweep import SweptPoint
     from gaitopt.runs.summary import Summary
 
 
@@ -66,6 +69,34 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     plain_console().print(table)
 
 
+def print_over_robots(rollout: Rollout, over: OverRobots) -> None:
+    """Print the metrics of a gait on the nominal robot, and what to expect of them over a posterior."""
+    rows = []
+    for key, value in rollout.metrics.items():
+        expected = over.metrics[key]
+        low, high = (shown(key, end) for end in expected.ci90)
+        rows.append([label_of(key), shown(key, value), shown(key, expected.mean), f"{low} to {high}"])
+    head = [rollout.gait.name, "nominal robot", f"mean of {over.robots}\nrobots", "90 % of them"]
+    print_table(head, rows)
+    if rollout.trajectory.status != "ok":
+        say(f"nominal robot: {rollout.trajectory.status}")
+    if over.failed:
+        say(f"{over.failed} of {over.robots} robots of the posterior failed; they are left out.")
+
+
+def speed_over_robots(row: SweptPoint) -> dict[str, object]:
+    """Return what a table shows of a value's robots of a posterior: their speed, where they have one."""
+    over = row.over_robots
+    if over is None:
+        return {}
+    speed = over.metrics.get("speed_m_s")
+    figures: dict[str, object] = {"posterior": f"{over.robots} robots, {over.failed} failed"}
+    if speed is not None:
+        low, high = (f"{1e3 * end:.2f}" for end in speed.ci90)
+        figures["their speed [mm/s]"] = f"{1e3 * speed.mean:.2f} ({low} to {high})"
+    return figures
+
+
 def print_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print rows of texts under a head of one or more lines; the first column holds names."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
@@ -93,6 +124,8 @@ def print_comparison(rows: Sequence[ComparedGait]) -> None:
         texts.append([row.name, shown("period_s", row.period_s), speed, *against])
     print_table(head, texts)
     say("± is half of the 90 % interval; differences and ratios are paired, scenario by scenario.")
+    if rows[0].robots:
+        say(f"Each scenario has its own robot of the posterior; intervals hold 90 % of the {rows[0].robots}.")
 
 
 def _plus_minus(value: float | None, ends: Sequence[float] | None, scale: float, form: str = ".2f") -> str:

@@ -74,6 +74,17 @@ def add_report_folder(parser: Parser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help=about)
 
 
+def add_posterior(parser: Parser, about: str) -> None:
+    """Add ``--posterior``.
+
+    Args:
+        parser: the command's parser.
+        about: what is done with its robots.
+    """
+    help_ = f"run folder of a diagnosis: {about}"
+    parser.add_argument("--posterior", type=Path, metavar="DIR", help=help_)
+
+
 def add_json(parser: Parser) -> None:
     """Add ``--json``."""
     parser.add_argument("--json", action="store_true", help="print JSON and nothing else")

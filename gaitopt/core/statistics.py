@@ -11,6 +11,19 @@ NORMAL_95 = 1.645
 a 90 % interval."""
 
 
+def spread90(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the interval that holds the middle 90 % of some values; NaN where there are none.
+
+    Args:
+        values: the values, shape (n,); those that are not finite are left out.
+    """
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return np.nan, np.nan
+    low, high = np.quantile(finite, (0.05, 0.95))
+    return float(low), float(high)
+
+
 def half_width90(values: NDArray[np.float64]) -> float:
     """Return half the width of the 90 % interval of the mean, by Student's t.
 

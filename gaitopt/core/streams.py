@@ -36,6 +36,8 @@ class Stream(IntEnum):
     CORRECTED_SEARCH = 40
     SOLVER = 41  # with the name of a solver that has no stream of its own
     COMMAND_JITTER = 42
+    POSTERIOR_ORDER = 45
+    POSTERIOR_DRAWS = 46
 
 
 BLIND_FLOOR_SEED = 12345

@@ -34,6 +34,36 @@ def written(asked: Tables) -> dict[str, float | str] | list[dict[str, float | st
 
 
 @dataclass(frozen=True)
+class EffectValue:
+    """One effect of a robot, by name.
+
+    Attributes:
+        name: the effect.
+        target: `ALL` or one actuator; `ALL` for an effect without a target.
+        value: its parameter's value.
+    """
+
+    name: str
+    target: str
+    value: float
+
+
+EffectValues = tuple[EffectValue, ...]
+"""The effects of one robot; none of the nominal one."""
+
+
+def as_tables(values: EffectValues) -> dict[str, Tables]:
+    """Return the effects of a robot as a problem file states them; they are in the library."""
+    found: dict[str, list[Values]] = {}
+    for one in values:
+        effect = EFFECTS[one.name]
+        own: dict[str, float | str] = {effect.parameter: one.value}
+        own |= {} if effect.target == "none" else {"target": one.target}
+        found.setdefault(one.name, []).append(own)
+    return {name: own[0] if len(own) == 1 else own for name, own in found.items()}
+
+
+@dataclass(frozen=True)
 class ActiveEffect:
     """One effect as a problem file sets it.
 

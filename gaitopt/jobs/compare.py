@@ -9,7 +9,7 @@ from pathlib import Path
 from gaitopt.core.folders import check_new_or_empty
 from gaitopt.gait.gait import Gait
 from gaitopt.jobs.executor import opened
-from gaitopt.jobs.inputs import checked_seed, found_gait
+from gaitopt.jobs.inputs import checked_seed, found_gait, over_posterior
 from gaitopt.jobs.outputs import Out, out_folder
 from gaitopt.optimise import compare as comparison
 from gaitopt.problem.model import carrying
@@ -25,6 +25,7 @@ def compare(
     executor: Executor | str = "threads",
     workers: int | None = None,
     out: Out = None,
+    posterior: Path | str | None = None,
 ) -> list[comparison.ComparedGait]:
     """Compare gaits over the same scenarios, each with the first.
 
@@ -36,16 +37,19 @@ def compare(
             executor.
         workers: rollouts at once; all cores by default.
         out: a new or an empty folder for the page; nothing is written without it.
+        posterior: the run folder of a diagnosis; each scenario then runs on one of its robots, and intervals
+            are over robots.
 
     Returns:
         The figures of each gait, in order.
 
     Raises:
-        GaitoptError: a gait or the objective does not fit the problem, or `out` holds something.
+        GaitoptError: a gait, the posterior or the objective does not fit the problem, or `out` holds
+            something.
     """
     folder = out_folder(out)
     check_new_or_empty(folder)
-    problem = carrying(problem)
+    problem = over_posterior(carrying(problem), posterior)
     check_objective(problem)
     found = [found_gait(problem, gait) for gait in gaits]
     seed = checked_seed(seed)

@@ -11,6 +11,7 @@ from gaitopt.gait.drive import Drive
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.table import is_table
 from gaitopt.problem.problem import Problem
+from gaitopt.runs.posterior import with_posterior
 
 
 def checked_seed(seed: int) -> int:
@@ -59,6 +60,19 @@ def found_drive(problem: Problem, drive: Drive | str | Path) -> Drive:
     if path.suffix.lower() == ".csv" and path.is_file() and not is_table(path):
         return read_commands(path, problem)
     return found_gait(problem, drive)
+
+
+def over_posterior(problem: Problem, posterior: Path | str | None) -> Problem:
+    """Return a problem with the robots of a posterior; without them where none is named.
+
+    Args:
+        problem: the problem.
+        posterior: the run folder of a finished diagnosis, which holds ``posterior.csv``.
+
+    Raises:
+        GaitoptError: the folder holds none, or one that does not fit the problem.
+    """
+    return problem if posterior is None else with_posterior(problem, Path(posterior))
 
 
 def check_positive(option: str, value: float | None) -> None:

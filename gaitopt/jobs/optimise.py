@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import silent
 from gaitopt.jobs.executor import check_executor, opened
-from gaitopt.jobs.inputs import checked_seed
+from gaitopt.jobs.inputs import checked_seed, over_posterior
 from gaitopt.jobs.outputs import Out, Stopped, out_folder
 from gaitopt.optimise import run as search
 from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
@@ -85,6 +85,7 @@ class _Asked:
     method: str | None
     warm_start: bool | None
     pareto: bool | None
+    posterior: Path | str | None
     out: Out
 
     def check_resumed(self, folder: Path | str) -> None:
@@ -143,12 +144,14 @@ def optimise(
     executor: Executor | str = "threads",
     workers: int | None = None,
     out: Out = None,
+    posterior: Path | str | None = None,
     resume: Path | str | None = None,
     on_progress: OnSearchProgress = silent,
 ) -> OptimiseRun:
     """Search for the best gait of a problem, and verify it and the hand-tuned ones.
 
-    The result depends only on the problem, `seed`, `budget`, `method`, `warm_start` and `pareto`.
+    The result depends only on the problem, `seed`, `budget`, `method`, `warm_start`, `pareto` and
+    `posterior`.
 
     Args:
         problem: the problem; not needed with `resume`, which takes it from the folder.
@@ -164,6 +167,8 @@ def optimise(
             executor.
         workers: rollouts at once; all cores by default.
         out: a new or an empty folder for the run; nothing is left behind without it.
+        posterior: the run folder of a diagnosis; each scenario then runs on one of its robots, so that the
+            winner is good for what is still unknown.
         resume: the folder of an interrupted run to continue, with the bits of an uninterrupted one. A
             finished run without its page gets the page, without another search.
         on_progress: called as each batch of gaits ends.
@@ -174,14 +179,14 @@ def optimise(
         Stopped: Ctrl-C or SIGTERM ended a search that can be resumed.
     """
     check_executor(executor, workers)
-    asked = _Asked(budget, seed, method, warm_start, pareto, out)
+    asked = _Asked(budget, seed, method, warm_start, pareto, posterior, out)
     work = _Work(full, full and sensitivity, executor, workers, on_progress)
     if resume is not None:
         asked.check_resumed(resume)
         return _in_folder(RunFolder.reopen(Path(resume)), work)
     if problem is None:
         raise GaitoptError("optimise: found no problem and no run to resume")
-    problem, request = carrying(problem), asked.request()
+    problem, request = over_posterior(carrying(problem), posterior), asked.request()
     check_searchable(problem)
     if out is None:
         return _in_memory(problem, request, work)

@@ -9,7 +9,7 @@ from pathlib import Path
 from gaitopt.core.errors import GaitoptError
 from gaitopt.gait.gait import Gait
 from gaitopt.jobs.executor import opened
-from gaitopt.jobs.inputs import found_gait
+from gaitopt.jobs.inputs import found_gait, over_posterior
 from gaitopt.jobs.outputs import Out, out_folder
 from gaitopt.optimise import sweep as sweeping
 from gaitopt.optimise.sweep import Sweep, SweptPoint
@@ -38,6 +38,7 @@ def sweep(
     executor: Executor | str = "threads",
     workers: int | None = None,
     out: Out = None,
+    posterior: Path | str | None = None,
 ) -> SweepRun:
     """Simulate a gait over a range of one parameter, on the nominal robot.
 
@@ -49,11 +50,13 @@ def sweep(
             executor.
         workers: rollouts at once; all cores by default.
         out: a new or an empty folder for the plots; nothing is written without it.
+        posterior: the run folder of a diagnosis; some of its robots are simulated beside the nominal one.
 
     Raises:
-        GaitoptError: there is no such gait or parameter, a value is not allowed, or `out` holds something.
+        GaitoptError: there is no such gait, parameter or posterior, a value is not allowed, or `out` holds
+            something.
     """
-    problem = carrying(problem)
+    problem = over_posterior(carrying(problem), posterior)
     chosen = _first_baseline(problem) if gait is None else found_gait(problem, gait)
     points = Sweep.parse(over).points(problem, chosen)
     with opened(executor, workers) as pool:

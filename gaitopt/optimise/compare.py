@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
@@ -10,14 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.core.statistics import interval90
+from gaitopt.core.statistics import interval90, spread90
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator
-from gaitopt.optimise.verification import scenarios_of
+from gaitopt.optimise.verification import scenarios_of, scenarios_on_every_robot
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import SPEED, Metrics
 from gaitopt.simulation.setup import RobotSetup
+
+COMPARED = 64
+"""Most robots of a posterior that gaits are compared on."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,8 @@ class ComparedGait:
     Attributes:
         name: name of the gait.
         period_s: its period, s.
-        speed_ci90_m_s: 90 % interval of the mean forward speed, m/s.
+        speed_ci90_m_s: 90 % interval of the mean forward speed, m/s; over robots of a posterior, the interval
+            that holds the speed of 90 % of them. So it is of the difference and of the ratio.
         speed_worst_m_s: forward speed in the worst scenario, m/s.
         difference_m_s: mean speed less that of the first gait, m/s.
         difference_ci90_m_s: 90 % interval of the paired difference, m/s.
@@ -38,6 +42,7 @@ class ComparedGait:
         violations: constraints that do not hold, each with its excess in units of its scale.
         status: ``ok``, or why a scenario failed.
         scenario_speeds_m_s: forward speed in each scenario, m/s.
+        robots: robots of a posterior, each in its own scenario; 0 where every scenario has the nominal one.
         metrics: mean of each metric over the scenarios.
     """
 
@@ -55,6 +60,7 @@ class ComparedGait:
     status: str
     scenario_speeds_m_s: tuple[float, ...]
     metrics: Metrics
+    robots: int = 0
 
     @property
     def speed_m_s(self) -> float:
@@ -65,6 +71,8 @@ class ComparedGait:
         """Return the row of ``compare.json``: the figures, then the metrics."""
         row = dict(vars(self))
         metrics: Metrics = row.pop("metrics")
+        if not self.robots:
+            del row["robots"]
         return {
             key: list(value) if isinstance(value, tuple) else value for key, value in row.items()
         } | metrics
@@ -74,7 +82,8 @@ def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Execut
     """Return one row per gait: mean speed with interval, and its paired difference to the first gait.
 
     Every gait runs in the same scenarios, so that difference and ratio of two are judged scenario by
-    scenario.
+    scenario. Where the problem has robots, there are as many scenarios as robots, at most `COMPARED`, each on
+    one of them. There is one real robot, so intervals then say where it may lie, and not where the mean does.
 
     Args:
         problem: the problem.
@@ -86,20 +95,23 @@ def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Execut
         GaitoptError: the problem has no marker, whose speed is compared.
     """
     problem.require("compare", "roles.marker")
-    scenarios = scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS)
+    if problem.robots:
+        scenarios, interval = scenarios_on_every_robot(problem, seed, COMPARED), spread90
+    else:
+        scenarios, interval = scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS), interval90
     evaluator = Evaluator(RobotSetup.of(problem, scenarios, problem.simulation.working), executor)
     rows: list[ComparedGait] = []
     first: NDArray[np.float64] | None = None
     for gait, one in zip(gaits, evaluator(gaits), strict=True):
         speeds = np.array([outcome.metrics[SPEED.name] for outcome in one.outcomes])
         first = speeds if first is None else first
-        low, high = interval90(speeds - first)
-        ratio = paired_ratio(speeds, first)
+        low, high = interval(speeds - first)
+        ratio = paired_ratio(speeds, first, interval)
         rows.append(
             ComparedGait(
                 name=gait.name,
                 period_s=gait.period_s,
-                speed_ci90_m_s=interval90(speeds),
+                speed_ci90_m_s=interval(speeds),
                 speed_worst_m_s=float(speeds.min()),
                 difference_m_s=float((speeds - first).mean()),
                 difference_ci90_m_s=(low, high),
@@ -111,6 +123,7 @@ def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Execut
                 status=one.evaluation.status,
                 scenario_speeds_m_s=tuple(speeds.tolist()),
                 metrics=one.evaluation.metrics,
+                robots=len(scenarios) if problem.robots else 0,
             )
         )
     return rows
@@ -124,7 +137,13 @@ class Ratio:
     ci90: tuple[float, float]
 
 
-def paired_ratio(speeds: NDArray[np.float64], first: NDArray[np.float64]) -> Ratio | None:
+Interval = Callable[[NDArray[np.float64]], tuple[float, float]]
+"""Returns an interval from independent values: of their mean, or of the values."""
+
+
+def paired_ratio(
+    speeds: NDArray[np.float64], first: NDArray[np.float64], interval: Interval = interval90
+) -> Ratio | None:
     """Return the ratio of two mean speeds over the same scenarios, or None where it has no meaning.
 
     The interval is by the delta method: the error of the ratio r is the mean of (a - r b) / mean(b) over the
@@ -132,9 +151,10 @@ def paired_ratio(speeds: NDArray[np.float64], first: NDArray[np.float64]) -> Rat
 
     Args:
         speeds: speeds a, m/s, shape (n,).
-        first: speeds b to compare with, m/s, shape (n,). The 90 % interval of their mean must be above 0.
+        first: speeds b to compare with, m/s, shape (n,). Their interval must be above 0.
+        interval: the kind of interval.
     """
-    if not interval90(first)[0] > 0.0:
+    if not interval(first)[0] > 0.0:
         return None
     ratio = float(speeds.mean() / first.mean())
-    return Ratio(ratio, interval90(ratio + (speeds - ratio * first) / first.mean()))
+    return Ratio(ratio, interval(ratio + (speeds - ratio * first) / first.mean()))

@@ -8,6 +8,7 @@ from concurrent.futures import CancelledError, Executor
 from dataclasses import dataclass, replace
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.gait.drive import Drive
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import Metrics, measure
@@ -57,22 +58,22 @@ class Evaluated:
         return sum(outcome.simulated_s for outcome in self.outcomes)
 
 
-def assess(setup: RobotSetup, gait: Gait, scenario: int) -> Outcome:
-    """Simulate and measure one gait in one scenario: the unit of work of every executor."""
-    simulator, robot = prepared(setup)
-    trajectory = simulator.run(gait, scenario)
-    metrics = measure(setup.problem, gait, trajectory, robot)
-    return Outcome(metrics, trajectory.status, simulator.duration(gait))
+def assess(setup: RobotSetup, drive: Drive, scenario: int) -> Outcome:
+    """Simulate and measure one gait or log in one scenario: the unit of work of every executor."""
+    ready = prepared(setup, scenario)
+    trajectory = ready.simulator.run(drive, ready.scenario)
+    metrics = measure(setup.problem, drive, trajectory, ready.robot)
+    return Outcome(metrics, trajectory.status, ready.simulator.duration(drive))
 
 
-def assess_all(work: Iterable[tuple[RobotSetup, Gait, int]], executor: Executor) -> list[Outcome]:
+def assess_all(work: Iterable[tuple[RobotSetup, Drive, int]], executor: Executor) -> list[Outcome]:
     """Return the outcome of each setup, gait and scenario, in the given order.
 
     Raises:
         GaitoptError: the connection to the executor's workers was lost.
     """
     try:
-        futures = [executor.submit(assess, setup, gait, scenario) for setup, gait, scenario in work]
+        futures = [executor.submit(assess, setup, drive, scenario) for setup, drive, scenario in work]
         return [future.result() for future in futures]
     except CancelledError:
         raise GaitoptError("--executor: the connection to its workers was lost") from None

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from gaitopt.optimise.evaluator import DROPPED
 from gaitopt.optimise.journal import Entry
 from gaitopt.optimise.verification import Verified
+from gaitopt.problem.problem import Problem
 
 
 def drift_notes(
@@ -26,6 +27,16 @@ def drift_notes(
         f"where MuJoCo has {1e3 * row.speed:.1f}"
         for row in baselines
         if row.evaluation.metrics["sideways_ratio"] > ratio
+    )
+
+
+def posterior_notes(problem: Problem) -> tuple[str, ...]:
+    """Return a note on the robots of a posterior, where the scenarios ran on them."""
+    if not problem.robots:
+        return ()
+    return (
+        f"robots of a posterior were used: every scenario of search and verification has its own of the "
+        f"{len(problem.robots)}; plan, figures and film show the nominal robot",
     )
 
 

@@ -15,7 +15,7 @@ from gaitopt.optimise import settings as defaults
 from gaitopt.optimise.evaluator import Evaluator, simulated_s
 from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.ladder import Rung
-from gaitopt.optimise.notes import drift_notes, failure_notes
+from gaitopt.optimise.notes import drift_notes, failure_notes, posterior_notes
 from gaitopt.optimise.pareto import FrontGait, front_of, thinned, verified_front
 from gaitopt.optimise.recorder import OnSearchProgress
 from gaitopt.optimise.selection import finalists, select
@@ -200,7 +200,8 @@ def _notes(
 ) -> tuple[str, ...]:
     """Return what the user should know."""
     drifts = drift_notes(warm.plan.baselines, baselines, settings.drift_ratio) if warm.plan else ()
-    return warm.notes + drifts + failure_notes(study.entries, baselines)
+    robots = posterior_notes(study.evaluator.setup.problem)
+    return robots + warm.notes + drifts + failure_notes(study.entries, baselines)
 
 
 def _front(

@@ -12,10 +12,14 @@ import numpy as np
 from gaitopt.core.errors import GaitoptError, unknown_name
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.optimise.evaluator import assess_all, judge
+from gaitopt.optimise.robots import OverRobots, over_robots, robots_of
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import Metrics
 from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
+
+SWEPT = 16
+"""Most robots of a posterior that each value is simulated on."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +94,7 @@ class SweptPoint:
         status: ``ok``, or why the simulation failed.
         constraints_met: whether the simulation went well and every constraint holds.
         metrics: the metrics.
+        over_robots: the same on robots of a posterior; None where none were asked for.
     """
 
     name: str
@@ -97,18 +102,23 @@ class SweptPoint:
     status: str
     constraints_met: bool
     metrics: Metrics
+    over_robots: OverRobots | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row of ``sweep.json``: the figures, then the metrics."""
         row = dict(vars(self))
         metrics: Metrics = row.pop("metrics")
-        return row | metrics
+        over = row.pop("over_robots")
+        return row | metrics | ({} if over is None else {"posterior": over.to_dict()})
 
 
 def sweep(points: Sequence[SweepPoint], executor: Executor) -> list[SweptPoint]:
-    """Return the figures of each point, on the nominal robot."""
+    """Return the figures of each point, on the nominal robot, and on the robots that its problem has."""
     setups = [RobotSetup.of(p.problem, (NOMINAL,), p.problem.simulation.working) for p in points]
     work = [(setup, point.gait, 0) for setup, point in zip(setups, points, strict=True)]
+    over: list[OverRobots | None] = [None] * len(points)
+    if points and points[0].problem.robots:
+        over = [*over_robots([(robots_of(p.problem, SWEPT), p.gait) for p in points], executor)]
     return [
         SweptPoint(
             name=point.gait.name,
@@ -116,6 +126,7 @@ def sweep(points: Sequence[SweepPoint], executor: Executor) -> list[SweptPoint]:
             status=outcome.status,
             constraints_met=judge(point.problem, [outcome]).constraints_met,
             metrics=outcome.metrics,
+            over_robots=expected,
         )
-        for point, outcome in zip(points, assess_all(work, executor), strict=True)
+        for point, outcome, expected in zip(points, assess_all(work, executor), over, strict=True)
     ]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gaitopt.core.statistics import interval90
-from gaitopt.core.streams import Stream
+from gaitopt.core.streams import Stream, generator
+from gaitopt.effects.active import EffectValues
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.problem.problem import Problem
@@ -55,16 +56,64 @@ class Verified:
 
 
 def scenarios_of(problem: Problem, seed: int, stream: Stream) -> tuple[Scenario, ...]:
-    """Return the scenarios of one stream of a run.
+    """Return the scenarios of one stream of a run, each on a robot of its own where the problem has some.
 
     Args:
         problem: the problem, whose file says how many and how wide.
         seed: seed of the run.
         stream: the `Stream` of these scenarios.
     """
+    count = _scenario_count(problem, stream)
+    before = sum(_scenario_count(problem, one) for one in _IN_TURN[: _IN_TURN.index(stream)])
+    return _on_robots(draw_scenarios(problem, count, (seed, stream)), problem, seed, before)
+
+
+def scenarios_on_every_robot(problem: Problem, seed: int, most: int) -> tuple[Scenario, ...]:
+    """Return the verification scenarios of a run, as many as the problem has robots, each on one of them.
+
+    Args:
+        problem: a problem with robots.
+        seed: seed of the run.
+        most: most robots; of more, so many that are spread evenly.
+    """
+    chosen = problem.with_robots(evenly(problem.robots, most))
+    drawn = draw_scenarios(problem, len(chosen.robots), (seed, Stream.VERIFICATION_SCENARIOS))
+    return _on_robots(drawn, chosen, seed, 0)
+
+
+def evenly(robots: Sequence[EffectValues], most: int) -> list[EffectValues]:
+    """Return all robots, or at most so many that are spread evenly over them."""
+    if len(robots) <= most:
+        return list(robots)
+    return [robots[index * len(robots) // most] for index in range(most)]
+
+
+_IN_TURN = (
+    Stream.SEARCH_SCENARIOS,
+    Stream.SELECTION_SCENARIOS,
+    Stream.VERIFICATION_SCENARIOS,
+    Stream.SENSITIVITY_SCENARIOS,
+)
+"""The streams in the order in which they take robots: as far as there are enough, each takes others."""
+
+
+def _scenario_count(problem: Problem, stream: Stream) -> int:
     spread = problem.file.scenarios
     counts = {Stream.SEARCH_SCENARIOS: spread.search, Stream.VERIFICATION_SCENARIOS: spread.verification}
-    return draw_scenarios(problem, counts.get(stream, _SELECTION_SCENARIOS), (seed, stream))
+    return counts.get(stream, _SELECTION_SCENARIOS)
+
+
+def _on_robots(
+    scenarios: Sequence[Scenario], problem: Problem, seed: int, before: int
+) -> tuple[Scenario, ...]:
+    """Return scenarios on the robots of a problem, in an order that the seed gives, after the first ones."""
+    if not problem.robots:
+        return tuple(scenarios)
+    order = generator(seed, Stream.POSTERIOR_ORDER).permutation(len(problem.robots)).tolist()
+    return tuple(
+        replace(scenario, effects=problem.robots[order[(before + index) % len(order)]])
+        for index, scenario in enumerate(scenarios)
+    )
 
 
 def verify(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executor) -> list[Verified]:

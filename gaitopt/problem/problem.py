@@ -13,7 +13,7 @@ import tomli_w
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.core.files import found_inside, read_toml
 from gaitopt.core.validation import validated
-from gaitopt.effects.active import ActiveEffect, Tables, active_effects, written
+from gaitopt.effects.active import ActiveEffect, EffectValues, Tables, active_effects, as_tables, written
 from gaitopt.gait.gait import Gait, read_gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.gait.table import is_table, read_table
@@ -41,6 +41,7 @@ class Problem:
         carried: content of the MJCF and of the files that it names, by path from its folder, for a problem
             that travels without its folder (see `model.carrying`); None where they are read from the disk.
         observed: sites whose position and angles a simulation records, too; see `observing`.
+        robots: robots that stand for the nominal one in scenarios, one in each; see `with_robots`.
     """
 
     file: ProblemFile
@@ -49,6 +50,7 @@ class Problem:
     baselines: Mapping[str, Gait]
     carried: Mapping[str, bytes] | None = None
     observed: tuple[str, ...] = ()
+    robots: tuple[EffectValues, ...] = ()
 
     @staticmethod
     def load(reference: str | Path, parameters: Mapping[str, float] | None = None) -> Problem:
@@ -241,6 +243,22 @@ class Problem:
         switched_on = self.file.effects | {name: written(tables) for name, tables in effects.items()}
         return self._with(self.file.model_copy(update={"effects": switched_on}))
 
+    def with_robots(self, robots: Iterable[EffectValues]) -> Problem:
+        """Return the problem with robots drawn from what is known of it: each scenario runs on one of them.
+
+        Args:
+            robots: the effects of each robot, beside those that the file switches on.
+        """
+        return replace(self, robots=tuple(robots))
+
+    def as_robot(self, effects: EffectValues) -> Problem:
+        """Return the problem of one of the robots, as its nominal one.
+
+        Raises:
+            GaitoptError: an effect is unknown, wrong or not applicable.
+        """
+        return replace(self.with_effects(as_tables(effects)), robots=())
+
     def with_horizon(self, horizon: Horizon) -> Problem:
         """Return the problem with another horizon: which part of a rollout counts."""
         simulation = self.simulation.model_copy(update={"horizon": horizon})
@@ -253,7 +271,7 @@ class Problem:
     def _with(self, file: ProblemFile) -> Problem:
         """Return the problem with another content of its file and the same MJCF."""
         problem = Problem.from_file(file, self.source, self.model_path, self.carried)
-        return replace(problem, observed=self.observed)
+        return replace(problem, observed=self.observed, robots=self.robots)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the problem's file."""

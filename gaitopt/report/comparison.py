@@ -51,8 +51,8 @@ def _page(
         answer=" ".join(verdicts(rows)) or f"{names[0]} alone: nothing to compare with.",
         asked={
             "Gaits": ", ".join(names),
-            "Scenarios": f"{problem.file.scenarios.verification} of {problem.name}, seed {seed}, the same "
-            f"for each gait{scenario_rule(problem.objective)}",
+            "Scenarios": f"{len(rows[0].scenario_speeds_m_s)} of {problem.name}, seed {seed}, the same for "
+            f"each gait{_robots_text(rows)}{scenario_rule(problem.objective)}",
             "Simulated": fidelity_text(working.timestep_s, working.integrator),
         },
         sections=[
@@ -62,6 +62,11 @@ def _page(
             folded(Section("All metrics", table=metric_table(rows))),
         ],
     )
+
+
+def _robots_text(rows: Sequence[ComparedGait]) -> str:
+    count = rows[0].robots
+    return f", each on one of {count} robots of a posterior (intervals hold 90 % of them)" if count else ""
 
 
 def _pictures(problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait]) -> dict[str, Picture]:

@@ -215,6 +215,7 @@ def _asked(problem: Problem, summary: Summary) -> dict[str, str]:
     objective, verified = problem.objective, summary.verified
     terms = (f"{'more' if w < 0.0 else 'less'} {title_of(name)}" for name, w in objective.terms.items())
     started = "from planned gaits" if summary.warm_start else "without planned gaits"
+    each = f", each on one of {summary.robots} robots of a posterior" if summary.robots else ""
     return {
         "Robot": robot_text(problem),
         "Objective": f"{', '.join(terms)}{scenario_rule(objective)}",
@@ -222,7 +223,7 @@ def _asked(problem: Problem, summary: Summary) -> dict[str, str]:
         "Search": f"{summary.evaluations} gaits, method {summary.method}, started {started}, seed "
         f"{summary.seed}; {summary.simulated_s:.0f} s simulated in {summary.wall_s:.0f} s",
         "Fidelity ladder": _ladder_text(summary.fidelity_ladder),
-        "Verified": f"over {verified.scenarios} scenarios that the search did not use, "
+        "Verified": f"over {verified.scenarios} scenarios that the search did not use{each}, "
         f"{fidelity_text(verified.timestep_s, verified.integrator)}",
     }
 

@@ -41,15 +41,16 @@ def _verdict(row: ComparedGait, first: str) -> str:
     times = ""
     if row.ratio is not None and row.ratio_ci90 is not None:
         times = f", {row.ratio:.2f} times its speed ({interval_text(row.ratio_ci90, '.2f', 1.0)})"
+    noise = "what is not known of the robot" if row.robots else "noise"
     if not row.more_than_noise:
         return (
-            f"{row.name} differs from {first} by no more than noise: {difference:+.2f} mm/s "
+            f"{row.name} differs from {first} by no more than {noise}: {difference:+.2f} mm/s "
             f"(90 % interval {ends[0]:+.2f} to {ends[1]:+.2f}){times}."
         )
     low, high = sorted(map(abs, ends))
     return (
         f"{row.name} is {'faster' if difference > 0.0 else 'slower'} than {first} by "
-        f"{abs(difference):.2f} mm/s (90 % interval {low:.2f} to {high:.2f}){times}: more than noise."
+        f"{abs(difference):.2f} mm/s (90 % interval {low:.2f} to {high:.2f}){times}: more than {noise}."
     )
 
 

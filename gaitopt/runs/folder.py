@@ -33,6 +33,9 @@ PAGE_FILE = "report.html"
 FIRST_FILES = (PROBLEM_FILE, MODEL_FILE)
 """What a run writes in its first second, after the lock."""
 
+POSTERIOR_FILE = "posterior.csv"
+"""Robots of the posterior of a diagnosis; a run of `optimise` that used them has a copy."""
+
 _HALF_WRITTEN = re.compile(r"\..+\.[a-z0-9_]{8}\.\w+")
 """Names of the temporary files that `files.write_with` renames into place; a killed run may leave one."""
 
@@ -177,7 +180,7 @@ def _killed_while_made(path: Path) -> bool:
     Folders inside it then hold nothing but what is half-written.
     """
     whole = {file.name for file in path.iterdir() if not _holds_nothing_whole(file)}
-    return LOCK_FILE in whole and whole <= {LOCK_FILE, *FIRST_FILES}
+    return LOCK_FILE in whole and whole <= {LOCK_FILE, *FIRST_FILES, POSTERIOR_FILE}
 
 
 def _holds_nothing_whole(path: Path) -> bool:

@@ -23,6 +23,7 @@ from gaitopt.runs.folder import (
     FIRST_FILES,
     JOURNAL_FILE,
     PAGE_FILE,
+    POSTERIOR_FILE,
     REQUEST_FILE,
     make_folder,
     next_free,
@@ -32,6 +33,7 @@ from gaitopt.runs.folder import (
 )
 from gaitopt.runs.front_table import front_csv
 from gaitopt.runs.lock import FolderLock
+from gaitopt.runs.posterior import posterior_csv, read_robots
 from gaitopt.runs.summary import Summary
 
 BEST_FILE = "best.toml"
@@ -39,6 +41,9 @@ BEST_FILE = "best.toml"
 
 SUMMARY_FILE = "summary.json"
 """The result of a run, the last one before its page: it shows that the search is finished."""
+
+_ROBOTS = "robots"
+"""Key of the request: how many robots of a posterior the scenarios run on; absent without any."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +94,9 @@ class RunFolder:
             folder._assets = [path / name for name in assets]
             write_problem(path, problem, model)
             content = asdict(request) | versions()
+            if problem.robots:
+                folder.file(POSTERIOR_FILE, posterior_csv(problem.robots))
+                content[_ROBOTS] = len(problem.robots)
             folder.file(REQUEST_FILE, tomli_w.dumps(content))
         except BaseException:
             folder.discard()
@@ -121,7 +129,8 @@ class RunFolder:
             raise bad_value(file, name, values[name], f"{versions()[name]}, the version here, to go on")
         request = Request(**{key: values[key] for key in asdict(Request())})
         request.check(file)
-        return Reopened(RunFolder(path, new=False), load_problem(path), request, not others)
+        problem = _with_robots(load_problem(path), path, values.get(_ROBOTS, 0))
+        return Reopened(RunFolder(path, new=False), problem, request, not others)
 
     def __enter__(self) -> RunFolder:
         self._lock.take()
@@ -166,7 +175,8 @@ class RunFolder:
         Raises:
             GaitoptError: a file of them cannot be read.
         """
-        named = [read_bytes(self.path / name) for name in (REQUEST_FILE, *FIRST_FILES)]
+        own = (REQUEST_FILE, *FIRST_FILES, *([POSTERIOR_FILE] if problem.robots else []))
+        named = [read_bytes(self.path / name) for name in own]
         digests = [hashlib.sha256(data).digest() for data in (*named, *model_assets(problem).values())]
         return hashlib.sha256(b"".join(digests[: len(named)] + sorted(digests[len(named) :]))).hexdigest()
 
@@ -191,7 +201,7 @@ class RunFolder:
 
     def discard(self) -> None:
         """Remove the folder with what the run wrote into it, and nothing else."""
-        written = [self.path / name for name in (REQUEST_FILE, *FIRST_FILES, JOURNAL_FILE)]
+        written = [self.path / name for name in (REQUEST_FILE, *FIRST_FILES, POSTERIOR_FILE, JOURNAL_FILE)]
         with suppress(OSError):  # the folder may be gone, or have become read-only
             for path in [*written, *self._assets]:
                 path.unlink(missing_ok=True)
@@ -216,3 +226,17 @@ class RunFolder:
         if self._made:
             with suppress(OSError):
                 self.path.rmdir()
+
+
+def _with_robots(problem: Problem, path: Path, count: object) -> Problem:
+    """Return the problem of a run with the robots of its posterior.
+
+    Raises:
+        GaitoptError: they are not those of the request.
+    """
+    if count == 0:
+        return problem
+    robots = read_robots(path / POSTERIOR_FILE, problem)
+    if count != len(robots):
+        raise bad_value(path / REQUEST_FILE, _ROBOTS, count, f"{len(robots)}, as in {POSTERIOR_FILE}")
+    return problem.with_robots(robots)

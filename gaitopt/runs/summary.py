@@ -169,6 +169,7 @@ class Summary(_Row):
         wall_s: seconds it took.
         baselines: the hand-tuned gaits.
         warm_start: the start from planned gaits; None for a cold search.
+        robots: robots of a posterior, of which each scenario has its own; 0 where all have the nominal one.
         over_scenarios: how costs of several scenarios become one.
         fidelity_ladder: cheaper rungs that were measured.
         pareto: gaits of speed against cost of transport; None if not requested.
@@ -189,6 +190,7 @@ class Summary(_Row):
     wall_s: Figure = math.nan
     baselines: tuple[GaitRow, ...]
     warm_start: WarmStartRow | None = None
+    robots: int = 0
     over_scenarios: str | dict[str, float] = ""
     fidelity_ladder: tuple[Rung, ...] = ()
     pareto: tuple[FrontRow, ...] | None = None
@@ -205,6 +207,7 @@ class Summary(_Row):
         fastest = max((b.speed for b in optimised.baselines if math.isfinite(b.speed)), default=math.nan)
         feasible = [b.speed for b in optimised.baselines if b.evaluation.constraints_met]
         reference = problem.simulation.reference
+        robots = {"robots": len(problem.robots)} if problem.robots else {}
         return Summary(
             problem=problem.name,
             seed=request.seed,
@@ -215,6 +218,7 @@ class Summary(_Row):
             wall_s=optimised.wall_s,
             baselines=tuple(GaitRow.of(baseline) for baseline in optimised.baselines),
             warm_start=_warm_start(optimised),
+            **robots,
             over_scenarios=problem.to_dict()["objective"]["over_scenarios"],
             fidelity_ladder=tuple(optimised.rungs),
             pareto=tuple(FrontRow.of(found) for found in optimised.front) if request.pareto else None,

@@ -106,6 +106,8 @@ class Simulator:
             GaitoptError: the model does not compile or does not fit the problem, or an effect does not
                 apply to it.
         """
+        if any(scenario.effects for scenario in scenarios):
+            raise ValueError("scenarios with robots of their own: see setup.prepared")
         robot = build_instrumented(problem)
         effects = robot.effects
         if effects.changes_robot:

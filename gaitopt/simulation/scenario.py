@@ -12,7 +12,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from gaitopt.core.streams import seeded
-from gaitopt.effects.active import RobotEffects
+from gaitopt.effects.active import EffectValues, RobotEffects
 from gaitopt.effects.added import with_added
 from gaitopt.problem.instruments import scalar_joints
 from gaitopt.problem.problem import Problem
@@ -29,6 +29,8 @@ class Scenario:
         start_pose_rad: standard deviation of the errors of the joints' start angles and of the heading.
         pose_seed: seed of those errors.
         framed: commands are sampled at the servo's frame rate and act one frame late.
+        effects: what this scenario's robot has beside the problem's effects; see `Problem.with_robots`. A
+            simulator of several scenarios has one robot, so it refuses them; see `setup.prepared`.
     """
 
     friction: float = 1.0
@@ -37,6 +39,7 @@ class Scenario:
     start_pose_rad: float = 0.0
     pose_seed: int = 0
     framed: bool = False
+    effects: EffectValues = ()
 
 
 NOMINAL = Scenario()

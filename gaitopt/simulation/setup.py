@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.kept import Kept
@@ -17,7 +17,10 @@ from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
 
 _KEPT = 8
-"""Compiled robots that a worker keeps, the latest ones."""
+"""Compiled setups that a worker keeps, the latest ones."""
+
+_KEPT_ROBOTS = 128
+"""Compiled robots of scenarios with a robot each that a worker keeps, the latest ones."""
 
 
 @dataclass(frozen=True)
@@ -49,13 +52,34 @@ class RobotSetup:
         return RobotSetup(problem, tuple(scenarios), fidelity, key, versions_text())
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """A compiled robot in one scenario.
+
+    Attributes:
+        simulator: the simulator.
+        scenario: index of the scenario in it.
+        robot: what metrics need of the robot.
+    """
+
+    simulator: Simulator
+    scenario: int
+    robot: Robot
+
+
 _compiled: Kept[str, tuple[Simulator, Robot]] = Kept(_KEPT)
+_robots: Kept[tuple[str, int], tuple[Simulator, Robot]] = Kept(_KEPT_ROBOTS)
 
 
-def prepared(setup: RobotSetup) -> tuple[Simulator, Robot]:
+def prepared(setup: RobotSetup, scenario: int = 0) -> Prepared:
     """Return this process's simulator of a setup, compiled on first use.
 
-    Threads that need the same setup wait for one of them to compile it; others continue.
+    A scenario whose robot has effects of its own has a simulator of its own. Threads that need the same
+    setup wait for one of them to compile it; others continue.
+
+    Args:
+        setup: the setup.
+        scenario: number of one of its scenarios.
 
     Raises:
         GaitoptError: this process runs other versions than the setup asks for, or the model does not
@@ -65,9 +89,17 @@ def prepared(setup: RobotSetup) -> tuple[Simulator, Robot]:
         raise GaitoptError(
             f"--executor: found a worker with {versions_text()}; allowed: {setup.versions}, as here"
         )
-    return _compiled.get(setup.key, lambda: _compile(setup))
+    if not any(one.effects for one in setup.scenarios):
+        simulator, robot = _compiled.get(setup.key, lambda: _compile(setup.problem, setup.scenarios, setup))
+        return Prepared(simulator, scenario, robot)
+    own = setup.scenarios[scenario]
+    simulator, robot = _robots.get(
+        (setup.key, scenario),
+        lambda: _compile(setup.problem.as_robot(own.effects), [replace(own, effects=())], setup),
+    )
+    return Prepared(simulator, 0, robot)
 
 
-def _compile(setup: RobotSetup) -> tuple[Simulator, Robot]:
-    simulator = Simulator.build(setup.problem, setup.scenarios, setup.fidelity)
+def _compile(problem: Problem, scenarios: Sequence[Scenario], setup: RobotSetup) -> tuple[Simulator, Robot]:
+    simulator = Simulator.build(problem, scenarios, setup.fidelity)
     return simulator, Robot.of(simulator.models[0])

@@ -41,15 +41,15 @@ def test_a_robot_that_compiles_does_not_hold_up_others(
     with ThreadPoolExecutor(1) as executor:
         waiting = executor.submit(prepared, slow)
         assert compiling.wait(60.0)
-        assert prepared(quick)[0].fidelity == quick.fidelity
+        assert prepared(quick).simulator.fidelity == quick.fidelity
         assert not waiting.done()
         go_on.set()
-        assert waiting.result()[0].fidelity == slow.fidelity
+        assert waiting.result().simulator.fidelity == slow.fidelity
 
 
 def test_the_latest_robots_are_kept(strider: Problem) -> None:
-    oldest = prepared(setup_at(strider, 1.4e-3))[0]
+    oldest = prepared(setup_at(strider, 1.4e-3)).simulator
     for index in range(8):
         prepared(setup_at(strider, 1.5e-3 + 1e-5 * index))
-    assert prepared(setup_at(strider, 1.57e-3))[0] is prepared(setup_at(strider, 1.57e-3))[0]
-    assert prepared(setup_at(strider, 1.4e-3))[0] is not oldest
+    assert prepared(setup_at(strider, 1.57e-3)).simulator is prepared(setup_at(strider, 1.57e-3)).simulator
+    assert prepared(setup_at(strider, 1.4e-3)).simulator is not oldest

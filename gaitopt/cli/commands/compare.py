@@ -7,6 +7,7 @@ from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import (
     add_executor,
     add_json,
+    add_posterior,
     add_problem,
     add_report_folder,
     add_seed,
@@ -20,6 +21,7 @@ def add_options(parser: Parser) -> None:
     about = "baselines, gait files, exported tables or run folders"
     parser.add_argument("gaits", metavar="GAIT", nargs="+", help=about)
     add_seed(parser, "the scenarios")
+    add_posterior(parser, "each scenario has one of its robots")
     add_report_folder(parser)
     add_json(parser)
     add_executor(parser)
@@ -38,6 +40,7 @@ def run(options: Options) -> None:
         executor=options.executor,
         workers=options.workers,
         out=options.out,
+        posterior=options.posterior,
     )
     if options.json:
         print_json({"rows": [row.to_dict() for row in rows]})

@@ -12,6 +12,7 @@ from gaitopt.cli.lines import print_json, say, say_aside
 from gaitopt.cli.options import (
     add_executor,
     add_json,
+    add_posterior,
     add_problem,
     add_quiet,
     add_run_folder,
@@ -36,6 +37,7 @@ def add_options(parser: Parser) -> None:
     add("--pareto", action="store_const", const=True, help=about)
     add("--resume", type=Path, metavar="DIR", help="continue an interrupted run")
     add("--full", action="store_true", help="add a film and sensitivities to the report")
+    add_posterior(parser, "each scenario has one of its robots")
     add_run_folder(parser)
     add_json(parser)
     add_quiet(parser)
@@ -64,6 +66,7 @@ def run(options: Options) -> None:
                 executor=options.executor,
                 workers=options.workers,
                 out=options.out if resumed else options.out or NUMBERED,
+                posterior=options.posterior,
                 resume=resumed,
                 on_progress=on_progress,
             )
@@ -83,6 +86,8 @@ def print_run(done: OptimiseRun, as_json: bool) -> None:
     else:
         print_summary(done.summary)
         say(answer_of(done.summary))
+        if done.summary.robots:
+            say(f"Each scenario ran on one of {done.summary.robots} robots of a posterior.")
         print_report(done.folder)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json
-from gaitopt.cli.options import add_gait, add_json, add_problem, problem_of
+from gaitopt.cli.options import add_gait, add_json, add_posterior, add_problem, problem_of
 from gaitopt.core.errors import GaitoptError
 
 
@@ -21,6 +21,7 @@ def add_options(parser: Parser) -> None:
     add("--measured", type=Path, metavar="DATASET", help="with --video: show the measured marker, too")
     add("--seconds", type=float, metavar="S", help="length of the film (default: whole cycles, 5 s or more)")
     add("--view", action="store_true", help="play it in MuJoCo's viewer, where there is a screen")
+    add_posterior(parser, "its robots are simulated, too")
     add_json(parser)
 
 
@@ -29,7 +30,7 @@ def run(options: Options) -> None:
     for name in ("beside", "measured", "seconds"):
         if getattr(options, name) is not None and options.video is None:
             raise GaitoptError(f"--{name}: found no --video to go with it")
-    from gaitopt.cli.display import print_rows
+    from gaitopt.cli.display import print_over_robots, print_rows
     from gaitopt.jobs.film import FilmOptions
     from gaitopt.jobs.simulate import simulate, view_rollout
 
@@ -41,9 +42,15 @@ def run(options: Options) -> None:
         video=options.video,
         film=film,
         view=options.view,
+        posterior=options.posterior,
     )
-    rows = [rollout.to_dict()]
-    print_json({"rows": rows}) if options.json else print_rows(rows)
+    rows, over = [rollout.to_dict()], rollout.over_robots
+    if options.json:
+        print_json({"rows": rows} | ({} if over is None else {"posterior": over.to_dict()}))
+    elif over is None:
+        print_rows(rows)
+    else:
+        print_over_robots(rollout, over)
     if options.view:
         view_rollout(rollout)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json, say
-from gaitopt.cli.options import add_executor, add_json, add_problem, add_run_folder, problem_of
+from gaitopt.cli.options import add_executor, add_json, add_posterior, add_problem, add_run_folder, problem_of
 
 
 def add_options(parser: Parser) -> None:
@@ -13,6 +13,7 @@ def add_options(parser: Parser) -> None:
     parser.add_argument("gait", metavar="GAIT", nargs="?", help="the first baseline by default")
     about = "period_s, CHANNEL.KEY or a parameter"
     parser.add_argument("--over", metavar="NAME=V1,V2,…", required=True, help=about)
+    add_posterior(parser, "some of its robots are simulated, too")
     add_run_folder(parser)
     add_json(parser)
     add_executor(parser)
@@ -20,7 +21,7 @@ def add_options(parser: Parser) -> None:
 
 def run(options: Options) -> None:
     """Sweep, and print a row for each value."""
-    from gaitopt.cli.display import print_rows
+    from gaitopt.cli.display import print_rows, speed_over_robots
     from gaitopt.jobs.outputs import NUMBERED
     from gaitopt.jobs.sweep import sweep
 
@@ -31,12 +32,13 @@ def run(options: Options) -> None:
         executor=options.executor,
         workers=options.workers,
         out=options.out or NUMBERED,
+        posterior=options.posterior,
     )
     rows = [row.to_dict() for row in swept.rows]
     if options.json:
         print_json({"rows": rows})
     else:
-        print_rows(rows)
+        print_rows([row.to_dict() | speed_over_robots(row) for row in swept.rows])
         say(f"plots: {swept.folder}")
 
 
