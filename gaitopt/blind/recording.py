@@ -79,7 +79,7 @@ def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor:
     known = needed or bool(rng.random() < settings.known_share)
     fps, noise = float(rng.choice(settings.frame_rates)), float(rng.uniform(*settings.marker_noise_m))
     errors_seed = int(rng.integers(2**31))
-    spread = settings.start_pose * factory.problem.file.scenarios.start_pose_rad
+    spread = settings.start_pose * factory.problem.file.tolerances.start_pose_rad
     poses = {
         name: Scenario(start_pose_rad=spread, pose_seed=int(rng.integers(2**31))) for name in factory.gaits
     }

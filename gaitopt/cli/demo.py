@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.problem.records import Horizon, ScenarioSpread, Simulation
+from gaitopt.problem.records import Horizon, Scenarios, Simulation
 
 BUDGET = 24
 """Enough to beat the hand-tuned gaits from a plan, not to find the best gait."""
@@ -20,6 +20,6 @@ def demo_problem() -> Problem:
         "name": "demo",
         "description": "ArcFold for a first look, with a shorter horizon and fewer scenarios",
         "simulation": Simulation(working=working, reference=working, horizon=short),
-        "scenarios": ScenarioSpread(**problem.file.scenarios.model_dump() | {"search": 1, "verification": 4}),
+        "scenarios": Scenarios(**problem.file.scenarios.model_dump() | {"search": 1, "verification": 4}),
     }
     return replace(problem, file=problem.file.model_copy(update=changes))

@@ -22,6 +22,7 @@ from gaitopt.problem.fields import (
     check_ordered,
 )
 from gaitopt.problem.objective import Objective
+from gaitopt.problem.tolerances import Tolerances, with_moved_tolerances
 from gaitopt.robot.roles import Roles
 
 EffectTable = dict[str, Number | str]
@@ -176,24 +177,16 @@ class Servo(FileRecord):
     frame_s: Positive = 0.02
 
 
-class ScenarioSpread(FileRecord):
-    """How scenarios differ from the nominal robot.
+class Scenarios(FileRecord):
+    """How many robots a gait is tried on; `Tolerances` say how they differ from the nominal one.
 
     Attributes:
         search, verification: number of scenarios of each; a search never sees those of verification.
-        friction: half-width of the uniform relative change of every friction coefficient.
-        servo_strength: half-width of the uniform relative change of the servos' torque limit.
-        servo_trim_deg: half-width of the uniform zero error of each servo.
-        start_pose_rad: standard deviation of the error of each joint's start angle and of the heading.
         framed: the last scenario gets its targets at the servo's frame rate, one frame late.
     """
 
     search: Annotated[int, Field(ge=1, le=1000), PLAIN_NUMBER] = 3
     verification: Annotated[int, Field(ge=2, le=1000), PLAIN_NUMBER] = 16
-    friction: Annotated[float, Field(ge=0.0, lt=1.0), PLAIN_NUMBER] = 0.15
-    servo_strength: Annotated[float, Field(ge=0.0, lt=1.0), PLAIN_NUMBER] = 0.1
-    servo_trim_deg: Annotated[float, Field(ge=0.0, le=45.0), PLAIN_NUMBER] = 0.0
-    start_pose_rad: Annotated[float, Field(ge=0.0, le=0.5), PLAIN_NUMBER] = 0.005
     framed: bool = True
 
 
@@ -244,10 +237,16 @@ class ProblemFile(FileRecord):
     baselines: dict[Name, Baseline] = Field(default_factory=dict)
     simulation: Simulation
     servo: Servo = Servo()
-    scenarios: ScenarioSpread = ScenarioSpread()
+    scenarios: Scenarios = Scenarios()
+    tolerances: Tolerances = Tolerances()
     effects: dict[str, EffectTables] = Field(default_factory=dict)
     objective: Objective | None = None
     planar: Planar | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_tolerances_of_scenarios(cls, values: Any) -> Any:
+        return with_moved_tolerances(values)
 
     @model_validator(mode="after")
     def _check(self) -> ProblemFile:

@@ -16,6 +16,7 @@ from gaitopt.effects.active import EffectValues, RobotEffects
 from gaitopt.effects.added import with_added
 from gaitopt.problem.instruments import scalar_joints
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.tolerances import WIDEST
 
 
 @dataclass(frozen=True)
@@ -49,22 +50,24 @@ NOMINAL = Scenario()
 def draw_scenarios(problem: Problem, count: int, seed: Iterable[int]) -> tuple[Scenario, ...]:
     """Return `count` scenarios; the same seed gives the same ones.
 
-    The last gets its commands at the servo's frames, if the problem says so (`ScenarioSpread.framed`).
+    The last gets its commands at the servo's frames, if the problem says so (`Scenarios.framed`).
     """
-    spread = problem.file.scenarios
+    tolerances, framed_last = problem.file.tolerances, problem.file.scenarios.framed
     rng = seeded(*seed)
     scenarios = []
     for index in range(count):
-        friction, strength = 1.0 + rng.uniform(-1.0, 1.0, 2) * (spread.friction, spread.servo_strength)
-        trim = math.radians(spread.servo_trim_deg) * rng.uniform(-1.0, 1.0, len(problem.channel_names))
+        of_all = np.array((tolerances.friction, tolerances.servo_strength))
+        friction, strength = 1.0 + WIDEST * of_all * rng.uniform(-1.0, 1.0, 2)
+        widest_trim = WIDEST * math.radians(tolerances.servo_trim_deg)
+        trim = widest_trim * rng.uniform(-1.0, 1.0, len(problem.channel_names))
         pose_seed = int(rng.integers(2**31))
-        framed = spread.framed and index == count - 1
+        framed = framed_last and index == count - 1
         scenarios.append(
             Scenario(
                 friction=float(friction),
                 servo_strength=float(strength),
                 servo_trim=tuple(trim.tolist()),
-                start_pose_rad=spread.start_pose_rad,
+                start_pose_rad=tolerances.start_pose_rad,
                 pose_seed=pose_seed,
                 framed=framed,
             )

@@ -33,13 +33,14 @@ def test_the_streams_share_no_scenario(arcfold: Problem) -> None:
     assert not streams[1] & streams[2]
 
 
-def test_scenarios_stay_inside_the_spread(arcfold: Problem) -> None:
-    spread = arcfold.file.scenarios
+def test_scenarios_stay_inside_the_tolerances(arcfold: Problem) -> None:
+    tolerances = arcfold.file.tolerances
     drawn = draw_scenarios(arcfold, 400, (1,))
-    for factors, width in (
-        ([scenario.friction for scenario in drawn], spread.friction),
-        ([scenario.servo_strength for scenario in drawn], spread.servo_strength),
+    for factors, sd in (
+        ([scenario.friction for scenario in drawn], tolerances.friction),
+        ([scenario.servo_strength for scenario in drawn], tolerances.servo_strength),
     ):
+        width = math.sqrt(3.0) * sd
         assert 1.0 - width <= min(factors) < 1.0 - 0.9 * width
         assert 1.0 + 0.9 * width < max(factors) <= 1.0 + width
         assert np.mean(factors) == pytest.approx(1.0, abs=0.2 * width)

@@ -147,11 +147,11 @@ def _by_start(
 ) -> dict[float, list[int]]:
     """Return the numbers of the trials by how well their start pose is known, rad.
 
-    It is known as the problem's scenarios say. A start that was measured is known to the noise of the sensor.
+    It is known as the problem's tolerances say; one that was measured, to the noise of the sensor.
     """
     found: dict[float, list[int]] = {}
     for number, aligned in enumerate(trials):
-        size = simulator.problem.file.scenarios.start_pose_rad
+        size = simulator.problem.file.tolerances.start_pose_rad
         start = aligned.trial.drive.start
         if start is not None:
             signals = [joint_signal(joint) for joint in start]

@@ -31,7 +31,7 @@ def perturbed_robots(
         settings: sizes of the errors.
     """
     rng = generator(seed, stream)
-    size = simulator.problem.file.scenarios.start_pose_rad
+    size = simulator.problem.file.tolerances.start_pose_rad
     seeds = rng.integers(2**31, size=count).tolist()
     scenarios = tuple(Scenario(start_pose_rad=size, pose_seed=number) for number in seeds)
     base = Simulator.build(simulator.problem, scenarios, simulator.fidelity)

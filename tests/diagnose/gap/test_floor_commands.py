@@ -126,7 +126,7 @@ def test_a_measured_start_is_known_to_the_sensors_noise(arm: Problem) -> None:
     unmeasured = replace(trial, drive=logged(slow().rows[:, 0], start=None))
     (measured,), (assumed,) = floors_of(arm, [trial]), floors_of(arm, [unmeasured])
     ratio = measured[SIGNAL].start_pose / assumed[SIGNAL].start_pose
-    spread = arm.file.scenarios.start_pose_rad
+    spread = arm.file.tolerances.start_pose_rad
     assert ratio == pytest.approx(measured[SIGNAL].noise / spread, rel=0.2)
 
 
