@@ -36,6 +36,7 @@ class Stream(IntEnum):
     CORRECTED_SEARCH = 40
     SOLVER = 41  # with the name of a solver that has no stream of its own
     COMMAND_JITTER = 42
+    GRIP_VARIATION = 43  # with the place of a pad among the pads
     POSTERIOR_ORDER = 45
     POSTERIOR_DRAWS = 46
 
@@ -45,6 +46,9 @@ BLIND_FLOOR_SEED = 12345
 
 COMMAND_JITTER_SEED = 0
 """Seed of the delays of an effect: two simulations of the same commands have the same delays."""
+
+GRIP_VARIATION_SEED = 0
+"""Seed of the grip of an effect: a pad's n-th step has the same grip in every simulation."""
 
 
 def generator(seed: int, stream: int, *index: int) -> np.random.Generator:

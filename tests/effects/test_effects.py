@@ -28,7 +28,7 @@ contact_compliance scale; ground_slope angle_rad; payload_mass mass_kg; com_offs
 link_inertia scale; geometry_scale scale; tether_drag force_n; camera_scale scale; camera_tilt angle_rad;
 clock_offset offset_s; clock_rate rate; clock_rounding grid_s; marker_outliers share;
 servo_lag time_constant_s; servo_resolution step_rad; command_jitter sd_s; servo_friction torque_n_m;
-servo_friction_load share; servo_stiction torque_n_m
+servo_friction_load share; servo_stiction torque_n_m; pad_imbalance ratio; grip_variation relative_sd
 """
 
 

@@ -14,22 +14,26 @@ from gaitopt.effects.prior import Prior
 
 
 class Friction:
-    """The coefficients of some geoms of a model, and of the pairs that have them."""
+    """The coefficients of some geoms of a model, and of the pairs that have them.
+
+    Several effects may scale the coefficients of one geom: their factors multiply.
+    """
 
     def __init__(self, model: mujoco.MjModel, geoms: Sequence[int]):
         self._model = model
-        pairs = [np.flatnonzero((model.pair_geom1 == g) | (model.pair_geom2 == g)) for g in geoms]
-        self._base = [
-            (g, rows, model.geom_friction[g].copy(), model.pair_friction[rows].copy())
-            for g, rows in zip(geoms, pairs, strict=True)
-        ]
+        self._rows = [(g, np.flatnonzero((model.pair_geom1 == g) | (model.pair_geom2 == g))) for g in geoms]
+        self._factors = [1.0] * len(geoms)
 
     def scale(self, index: int, factor: float) -> None:
-        """Set the coefficients of the geom at `index` to `factor` times what they were."""
-        geom, rows, of_geom, of_pairs = self._base[index]
-        self._model.geom_friction[geom] = factor * of_geom
+        """Set the coefficients of the geom at `index` to `factor` times what they would be without it."""
+        change = factor / self._factors[index]
+        if change == 1.0:
+            return
+        self._factors[index] = factor
+        geom, rows = self._rows[index]
+        self._model.geom_friction[geom] *= change
         if len(rows):
-            self._model.pair_friction[rows] = factor * of_pairs
+            self._model.pair_friction[rows] *= change
 
 
 def _scale_friction(parts: Parts, geoms: Sequence[int], factor: float) -> None:
@@ -44,6 +48,18 @@ def _scale_pads(parts: Parts, scale: float, _: float) -> None:
 
 def _scale_body(parts: Parts, scale: float, _: float) -> None:
     _scale_friction(parts, parts.body, scale)
+
+
+def _one_pad(parts: Parts) -> str | None:
+    return None if len(parts.pads) > 1 else "the problem names one pad in roles.pads"
+
+
+def _unbalance(parts: Parts, ratio: float, _: float) -> None:
+    """Multiply the first pad's coefficient by `ratio`, then all pads' so that the mean factor is 1."""
+    friction = Friction(parts.model, parts.pads)
+    mean = (ratio + len(parts.pads) - 1) / len(parts.pads)
+    for index in range(len(parts.pads)):
+        friction.scale(index, (ratio if index == 0 else 1.0) / mean)
 
 
 PAD_FRICTION = Effect(
@@ -76,4 +92,25 @@ BODY_FRICTION = Effect(
     allowed=(0.0, math.inf),
     role="body",
     model=_scale_body,
+)
+
+PAD_IMBALANCE = Effect(
+    name="pad_imbalance",
+    summary="friction of the first pad over that of the other pads, mean kept",
+    parameter="ratio",
+    unit="",
+    neutral=1.0,
+    low=0.3,
+    high=3.0,
+    scale="log",
+    prior=Prior(
+        "log-normal",
+        1.0,
+        0.2,
+        "pads made one by one, of tape and glue, and each worn and dusty in its own way",
+    ),
+    allowed=(0.0, math.inf),
+    role="pads",
+    missing=_one_pad,
+    model=_unbalance,
 )
