@@ -65,6 +65,7 @@ class Answer(BaseModel):
     effects: tuple[AnsweredEffect, ...]
     other_probability: _Probability | None
     gap: AnsweredGap
+    misfit_trials: dict[str, PlainNumber] = {}
 
 
 class KnownParameter(BaseModel):
@@ -93,13 +94,23 @@ class Case(BaseModel):
 
     @property
     def kind(self) -> str:
-        """single, pair, none or outside."""
+        """One of `kinds.KINDS`."""
         return self.truth.kind
 
     @property
     def planted(self) -> list[str]:
         """The effects planted."""
         return [effect.name for effect in self.truth.effects]
+
+    def visible(self, least: float) -> list[str]:
+        """Return the planted effects that move the robot by so many floors beside the others."""
+        gap = self.truth.gap_over_floor
+        return [name for name in self.planted if self.truth.seen.get(name, gap) >= least]
+
+    @property
+    def false_causes(self) -> list[str]:
+        """The causes that were not planted."""
+        return [name for name in self.diagnosis.causes if name not in self.planted]
 
     @property
     def answer(self) -> list[str]:

@@ -150,6 +150,9 @@ def make_case(
         effects=sized.draw.rows,
         gap_over_floor=recording.gap,
         figures=dict(recording.figures),
+        seen=dict(recording.seen),
+        trials=tuple(recording.paths),
+        misfits={name: misfit.name for name, misfit in recording.misfits.items()},
     )
     seal(out, case_name(index), truth)
     return faint

@@ -45,16 +45,19 @@ class Draw:
         kind: one of `kinds.KINDS`.
         planted: the effects planted.
         disturbance: the disturbance planted, if any.
+        grip: chance of each pad's grip, where `grip_variation` is not planted.
     """
 
     kind: str
     planted: tuple[Planted, ...] = ()
     disturbance: PlantedDisturbance | None = None
+    grip: float = 0.0
 
     @property
     def effects(self) -> dict[str, Values]:
         """The effects, as a problem file states them."""
-        return {p.hypothesis.effect.name: p.hypothesis.values(p.at) for p in self.planted}
+        chance: dict[str, Values] = {"grip_variation": {"relative_sd": self.grip}} if self.grip else {}
+        return chance | {p.hypothesis.effect.name: p.hypothesis.values(p.at) for p in self.planted}
 
     @property
     def rows(self) -> tuple[PlantedEffect, ...]:
@@ -121,12 +124,12 @@ def draw_case(
         return Sized(Draw(kind), 0.0)
     faint: list[str] = []
     for _ in range(factory.settings.effects_tried):
-        count = 2 if kind == "pair" else 1
+        count = _count(factory, kind, rng)
         chosen = [only] if only else rng.choice(factory.effects, count, replace=False).tolist()
         if kind == "outside":
             found = _sized(factory, _disturbance_by_size(factory, only, rng), rng, executor)
-        elif kind == "pair":
-            found = _pair(factory, [str(name) for name in chosen], rng, executor)
+        elif kind in ("pair", "several"):
+            found = _together(factory, kind, [str(name) for name in chosen], rng, executor)
         else:
             found = _sized(factory, _effect_by_size(factory, str(chosen[0]), rng), rng, executor)
         if found is not None:
@@ -161,17 +164,25 @@ def _disturbance_by_size(factory: CaseFactory, only: str | None, rng: np.random.
     return by_size
 
 
-def _pair(
-    factory: CaseFactory, names: list[str], rng: np.random.Generator, executor: Executor
+def _count(factory: CaseFactory, kind: str, rng: np.random.Generator) -> int:
+    """Return how many effects are planted."""
+    if kind == "several":
+        return int(rng.integers(1, factory.settings.most_effects + 1))
+    return 2 if kind == "pair" else 1
+
+
+def _together(
+    factory: CaseFactory, kind: str, names: list[str], rng: np.random.Generator, executor: Executor
 ) -> Sized | None:
-    """Draw two effects, each of which makes a gap; None where they do not."""
+    """Draw some effects, each of which makes a gap; None where they do not."""
     settings = factory.settings
     most = settings.pair_share * settings.largest
     found = [_sized(factory, _effect_by_size(factory, name, rng), rng, executor, most) for name in names]
-    if found[0] is None or found[1] is None:
+    sized = [one for one in found if one is not None]
+    if len(sized) < len(names):
         return None
-    draw = Draw("pair", found[0].draw.planted + found[1].draw.planted)
-    gap = _gap_of(factory, draw, executor)
+    draw = Draw(kind, tuple(planted for one in sized for planted in one.draw.planted))
+    gap = gap_of(factory, draw, executor)
     return Sized(draw, gap) if settings.fits(gap, settings.excess * settings.largest) else None
 
 
@@ -199,7 +210,7 @@ def _sized(
     best: Sized | None = None
     for _ in range(settings.bisections):
         draw = by_size(size)
-        gap = _gap_of(factory, draw, executor)
+        gap = gap_of(factory, draw, executor)
         if settings.fits(gap, most):
             best = Sized(draw, gap)
             if settings.close * wanted <= gap <= settings.wide * wanted:
@@ -211,7 +222,7 @@ def _sized(
     return best
 
 
-def _gap_of(factory: CaseFactory, draw: Draw, executor: Executor) -> float:
+def gap_of(factory: CaseFactory, draw: Draw, executor: Executor) -> float:
     """Return the largest gap of any gait in floors, by the nominal numerics."""
     try:
         robot = draw.robot(factory.problem, factory.nominal.fidelity)

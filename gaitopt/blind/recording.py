@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Mapping
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gaitopt.blind.drawing import Draw
 from gaitopt.blind.factory import CaseFactory, observed
+from gaitopt.blind.misfits import Misfit, draw_misfit, walk_with
 from gaitopt.core.errors import bad_value
 from gaitopt.core.files import csv_text, write_text
 from gaitopt.diagnose.judge.small_errors import with_small_errors
@@ -23,9 +24,14 @@ from gaitopt.robot.signals import is_position, measured_column_of
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
+from gaitopt.simulation.tolerances import apply_errors, draw_errors, observation_errors
 
 _LONGEST_NAME = 200
 """A longer name of a gait names no file, bytes: file systems allow 255 with all that is added."""
+
+
+_CASE, _NOTHING = "the case", "nothing"
+"""Labels of the case's robot, and of that without what was planted."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +58,50 @@ class Recording:
         gap: how far the effect alone moved marker and joints, the largest of all gaits, in floors.
         camera: what was drawn for the recordings.
         figures: the robot's numerics and the camera, for the sealed truth.
+        seen: of several effects, how far each moves the robot beside the others, in floors; by effect.
+        misfits: what is wrong with trials that do not fit the others.
     """
 
     paths: Mapping[str, Trajectory]
     gap: float
     camera: Camera
     figures: Mapping[str, float]
+    seen: Mapping[str, float]
+    misfits: Mapping[str, Misfit]
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """Numerics that the diagnosis does not use, and small errors.
+
+    Attributes:
+        fidelity: integrator and timestep.
+        impratio: stiffness of the friction cones.
+        errors_seed: seed of the small errors.
+        everything: whether everything is a little wrong, by the problem's tolerances; else masses and hinges.
+    """
+
+    fidelity: Fidelity
+    impratio: float
+    errors_seed: int
+    everything: bool
+
+    def robot(self, factory: CaseFactory, draw: Draw) -> Simulator:
+        """Return a robot with what was planted, and small errors; its scenario has their trims."""
+        robot = draw.robot(factory.problem, self.fidelity)
+        rng = np.random.default_rng(self.errors_seed)
+        model = copy.copy(robot.models[0])
+        if self.everything:
+            parts = replace(robot.effects.nominal, model=model)
+            errors = draw_errors(parts, factory.problem.file.tolerances, rng)
+            apply_errors(parts, errors)
+            seen = replace(robot.effects, active=(*robot.effects.active, *observation_errors(errors)))
+            robot = replace(robot, effects=seen, scenarios=(Scenario(servo_trim=errors.servo_trim_rad),))
+        else:
+            model = with_small_errors(model, robot, rng)
+        model.opt.impratio = self.impratio
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        return replace(robot, models=(model,))
 
 
 def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor: Executor) -> Recording:
@@ -83,32 +127,57 @@ def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor:
     poses = {
         name: Scenario(start_pose_rad=spread, pose_seed=int(rng.integers(2**31))) for name in factory.gaits
     }
-    futures = []
-    for one in (draw, Draw("none")) if draw.rows else (draw,):
-        robot = _other_numerics(factory, one, fidelity, impratio, errors_seed)
-        futures.append(
-            {
-                name: executor.submit(
-                    observed, replace(robot, scenarios=(poses[name],)), gait, factory.walked_s(gait)
-                )
-                for name, gait in factory.gaits.items()
-            }
-        )
-    paths, *twin = ({name: future.result() for name, future in of_robot.items()} for of_robot in futures)
     figures = {"timestep_s": fidelity.timestep_s, "impratio": impratio, "noise_m": noise, "fps": fps}
-    gap = factory.gap(twin[0], paths) if twin else 0.0
-    return Recording(paths, gap, Camera(known, fps, noise), figures | {"known": float(known)})
+    misfits: dict[str, Misfit] = {}
+    if draw.kind == "several":
+        draw = replace(draw, grip=float(rng.uniform(*settings.grip)))
+        chosen = [name for name in factory.gaits if rng.random() < settings.misfit_share]
+        most = len(factory.gaits) // 2
+        misfits = {name: draw_misfit(factory, name, rng) for name in chosen[:most]}
+        figures["grip"] = draw.grip
+    others = _without_each(draw) if draw.rows else {}
+    numerics = Numerics(fidelity, impratio, errors_seed, draw.kind == "several")
+    futures = {
+        label: _walks(
+            factory, numerics.robot(factory, one), poses, misfits if label == _CASE else {}, executor
+        )
+        for label, one in {_CASE: draw, **others}.items()
+    }
+    paths = {label: {n: f.result() for n, f in of_robot.items()} for label, of_robot in futures.items()}
+    fitting = {name: path for name, path in paths[_CASE].items() if name not in misfits}
+    gaps = {label: factory.gap({n: paths[label][n] for n in fitting}, fitting) for label in others}
+    gap = gaps.pop(_NOTHING, 0.0)
+    camera = Camera(known, fps, noise)
+    return Recording(paths[_CASE], gap, camera, figures | {"known": float(known)}, gaps, misfits)
 
 
-def _other_numerics(
-    factory: CaseFactory, draw: Draw, fidelity: Fidelity, impratio: float, errors_seed: int
-) -> Simulator:
-    """Return a robot with what was planted, small errors, and numerics that the diagnosis does not use."""
-    robot = draw.robot(factory.problem, fidelity)
-    model = with_small_errors(copy.copy(robot.models[0]), robot, np.random.default_rng(errors_seed))
-    model.opt.impratio = impratio
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-    return replace(robot, models=(model,))
+def _without_each(draw: Draw) -> dict[str, Draw]:
+    """Return the case with nothing planted, and of several effects that without each of them, by its name."""
+    without = {_NOTHING: replace(draw, kind="none", planted=(), disturbance=None)}
+    if draw.kind == "several" and len(draw.planted) > 1:
+        for one in draw.planted:
+            rest = tuple(other for other in draw.planted if other is not one)
+            without[one.hypothesis.effect.name] = replace(draw, planted=rest)
+    return without
+
+
+def _walks(
+    factory: CaseFactory,
+    robot: Simulator,
+    poses: Mapping[str, Scenario],
+    misfits: Mapping[str, Misfit],
+    executor: Executor,
+) -> dict[str, Future[Trajectory]]:
+    """Return the walks of a robot, one for each gait, each from its own start pose."""
+    walks = {}
+    for name, gait in factory.gaits.items():
+        trim = robot.scenarios[0].servo_trim
+        posed = replace(robot, scenarios=(replace(poses[name], servo_trim=trim),))
+        if name in misfits:
+            walks[name] = executor.submit(walk_with, misfits[name], factory, posed, gait)
+        else:
+            walks[name] = executor.submit(observed, posed, gait, factory.walked_s(gait))
+    return walks
 
 
 def check_file_names(gaits: Iterable[str]) -> None:

@@ -106,6 +106,10 @@ class Score:
         outside_recognised: disturbances called unexplained or partly explained.
         outside_blamed: disturbances explained by effects of the library.
         pair_both, pair_either: of pairs, both or one named.
+        several_named: of several effects, those named among the ones that are visible beside the others.
+        several_false: causes in a case of several effects that were not planted: mean number.
+        misfits_found: trials that do not fit the others, named as such.
+        misfits_false: other trials of such cases that were named so.
         coverage: true parameter inside its interval, where the effect was found.
         parameter_error: relative error of the parameter, where the effect was found.
         shrinkage_of_oracle: shrinkage of the gap, in that of the true effect.
@@ -125,6 +129,10 @@ class Score:
     outside_blamed: Estimate
     pair_both: Estimate
     pair_either: Estimate
+    several_named: Estimate
+    several_false: Estimate
+    misfits_found: Estimate
+    misfits_false: Estimate
     coverage: Estimate
     parameter_error: Estimate
     shrinkage_of_oracle: Estimate
@@ -148,9 +156,11 @@ class Score:
 def score(cases: Sequence[Case], settings: ScoreSettings = ScoreSettings()) -> Score:
     """Return the record of some diagnosed cases."""
     large = [c for c in cases if c.kind == "none" or c.truth.gap_over_floor >= settings.small_gap]
-    singles, none, outside, pairs = (
-        [c for c in large if c.kind == kind] for kind in ("single", "none", "outside", "pair")
+    singles, none, outside, pairs, several = (
+        [c for c in large if c.kind == kind] for kind in ("single", "none", "outside", "pair", "several")
     )
+    visible = [(c, name) for c in several for name in c.visible(settings.small_gap)]
+    trials = [(c, name) for c in several for name in c.truth.trials]
     found = [c.parameter for c in singles if c.top_right]
     known = [parameter for parameter in found if parameter is not None]
     errors = [
@@ -169,6 +179,10 @@ def score(cases: Sequence[Case], settings: ScoreSettings = ScoreSettings()) -> S
         outside_blamed=rate(outside, lambda c: c.diagnosis.verdict in ("explained", "ambiguous"), settings),
         pair_both=rate(pairs, lambda c: c.in_set, settings),
         pair_either=rate(pairs, lambda c: any(name in c.answer for name in c.planted), settings),
+        several_named=rate(visible, lambda pair: pair[1] in pair[0].answer, settings),
+        several_false=mean([float(len(c.false_causes)) for c in several], settings),
+        misfits_found=rate([t for t in trials if _is_misfit(t)], _is_called_misfit, settings),
+        misfits_false=rate([t for t in trials if not _is_misfit(t)], _is_called_misfit, settings),
         coverage=rate(known, lambda p: p.fitted.covers(p.true), settings),
         parameter_error=mean(errors, settings),
         shrinkage_of_oracle=mean(_of_oracle(singles, settings), settings),
@@ -177,6 +191,16 @@ def score(cases: Sequence[Case], settings: ScoreSettings = ScoreSettings()) -> S
         rows=tuple(map(_row, cases)),
         settings=settings,
     )
+
+
+def _is_misfit(trial: tuple[Case, str]) -> bool:
+    case, name = trial
+    return name in case.truth.misfits
+
+
+def _is_called_misfit(trial: tuple[Case, str]) -> bool:
+    case, name = trial
+    return name in case.diagnosis.misfit_trials
 
 
 def rate(
@@ -261,10 +285,14 @@ def sentences(record: Score) -> list[str]:
         "library blamed for a cause outside it": record.outside_blamed,
         "both of a pair named": record.pair_both,
         "one of a pair named": record.pair_either,
+        "of several effects, those named": record.several_named,
+        "trials that do not fit, found": record.misfits_found,
+        "trials that fit, called misfits": record.misfits_false,
         "90 % intervals that cover": record.coverage,
     }
     means = {
         "mean size of the set": record.mean_set_size,
+        "mean number of false causes beside several": record.several_false,
         "mean relative error of the parameter": record.parameter_error,
         "shrinkage, of what knowing the effect reaches": record.shrinkage_of_oracle,
     }

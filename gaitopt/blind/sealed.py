@@ -47,6 +47,9 @@ class Truth(BaseModel):
         effects: what was planted.
         gap_over_floor: the change by these effects alone, the largest of all trials, in floors.
         figures: what else was drawn.
+        seen: of several effects, how far each moves the robot beside the others, in floors; by effect.
+        trials: names of the trials.
+        misfits: those that do not fit the others, and what is wrong with each.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -55,6 +58,9 @@ class Truth(BaseModel):
     effects: tuple[PlantedEffect, ...]
     gap_over_floor: PlainNumber
     figures: dict[str, PlainNumber] = {}
+    seen: dict[str, PlainNumber] = {}
+    trials: tuple[str, ...] = ()
+    misfits: dict[str, str] = {}
 
     @model_validator(mode="after")
     def _planted(self) -> Truth:

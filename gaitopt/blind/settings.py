@@ -15,7 +15,10 @@ class BlindSettings:
     Attributes:
         shares: share of each kind of case.
         smallest, largest: gap planted.
-        pair_share: each effect of a pair alone makes at most this share of the largest gap.
+        pair_share: each of two or more effects alone makes at most this share of the largest gap.
+        most_effects: effects of a case with several of them, at most.
+        grip: range of the chance of each pad's grip in such a case; see `grip_variation`.
+        misfit_share: share of the trials of such cases that fit no other.
         excess: two effects together, or one by other numerics, may make this many times the largest gap.
         close: a drawn gap is accepted at once between this and the next share of the one that is wanted.
         wide: see `close`.
@@ -40,6 +43,9 @@ class BlindSettings:
     smallest: float = 3.0
     largest: float = 30.0
     pair_share: float = 0.7
+    most_effects: int = 4
+    grip: tuple[float, float] = (0.02, 0.08)
+    misfit_share: float = 0.1
     excess: float = 1.5
     close: float = 0.6
     wide: float = 1.6

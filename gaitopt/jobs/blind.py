@@ -72,7 +72,7 @@ def blind_make(
         seconds: length of a trial, s.
         gaits: names of the baselines measured; all by default.
         signals: what is measured; by default the marker and the joint of the first servo.
-        kind: make only this kind: ``single``, ``none``, ``outside`` or ``pair``.
+        kind: make only this kind: ``single``, ``none``, ``outside``, ``pair`` or ``several``.
         only: with `kind`: plant this effect or disturbance.
         executor: where robots are simulated: ``threads``, ``processes``, ``serial``, ``dask://HOST:PORT``
             or an executor.

@@ -27,7 +27,6 @@ from gaitopt.report.words import (
     fidelity_text,
     interval_text,
     names_of,
-    reach_of,
     robot_text,
     scenario_rule,
 )
@@ -69,7 +68,7 @@ def write_report(
         answer=answer_of(summary),
         asked=_asked(problem, summary),
         tiles=_tiles(summary),
-        notes=[*filter(None, [reach_of(summary)]), *summary.notes, *film.notes],
+        notes=[*summary.notes, *film.notes],
         sections=[
             *film.sections,
             Section("Optimised against hand-tuned", table=_speed_table(summary)),

@@ -86,7 +86,7 @@ def test_kinds_are_drawn_in_their_shares() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["single", "outside"])
+@pytest.mark.parametrize("kind", ["single", "outside", "several"])
 def test_a_case_made_in_processes_has_the_same_bytes(kind: str, arcfold: Problem, tmp_path: Path) -> None:
     plan = RecordingPlan(["square-1s"], 2.0)
     for name in ("serial", "processes"):

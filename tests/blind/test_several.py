@@ -1,0 +1,111 @@
+"""Cases of several effects on a robot that is a little wrong in everything else, too."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gaitopt.blind.answers import Answer, Case
+from gaitopt.blind.cases import CaseRequest, make_cases
+from gaitopt.blind.drawing import Draw
+from gaitopt.blind.factory import CaseFactory, RecordingPlan
+from gaitopt.blind.misfits import Misfit, walk_with
+from gaitopt.blind.recording import Numerics
+from gaitopt.blind.scoring import score
+from gaitopt.blind.sealed import PlantedEffect, Truth, read_truth
+from gaitopt.blind.settings import BlindSettings
+from gaitopt.optimise.executors import open_executor
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Fidelity
+
+PLAN = RecordingPlan(("square-1s", "square-0.5s"), 3.0)
+
+
+@pytest.fixture(scope="module")
+def factory(arcfold: Problem) -> CaseFactory:
+    with open_executor("threads", 2) as executor:
+        return CaseFactory.of(arcfold, PLAN, executor, BlindSettings(floor_robots=1))
+
+
+@pytest.mark.slow
+def test_each_of_several_effects_is_seen_beside_the_others(arcfold: Problem, tmp_path: Path) -> None:
+    settings = BlindSettings(misfit_share=1.0, floor_robots=2)
+    with open_executor("threads", 2) as executor:
+        make_cases(arcfold, tmp_path, CaseRequest(["several"] * 2, 12, PLAN), executor, settings=settings)
+    for case in ("case-000", "case-001"):
+        truth = read_truth(tmp_path / "sealed" / f"{case}.json")
+        assert 1 <= len(truth.effects) <= settings.most_effects
+        assert truth.gap_over_floor >= settings.smallest
+        several = len(truth.effects) > 1
+        assert set(truth.seen) == ({effect.name for effect in truth.effects} if several else set())
+        assert truth.trials == tuple(PLAN.gaits)
+        assert len(truth.misfits) == 1, "half of the trials fit at least"
+        assert (tmp_path / case / "dataset.toml").is_file()
+
+
+def test_everything_is_a_little_wrong(factory: CaseFactory) -> None:
+    """A robot without a large effect differs in friction, servos and trims, by its seed alone."""
+    fidelity = Fidelity(timestep_s=1e-3, integrator="implicitfast")
+    nominal = factory.nominal.models[0]
+    robots = [Numerics(fidelity, 5.0, seed, True).robot(factory, Draw("none")) for seed in (1, 1, 2)]
+    frictions = [robot.models[0].geom_friction[:, 0] for robot in robots]
+    np.testing.assert_array_equal(frictions[0], frictions[1])
+    assert np.abs(frictions[2] - frictions[0]).max() > 1e-3
+    pads = [nominal.geom(name).id for name in factory.problem.roles.pads]
+    assert np.abs(frictions[0][pads] / nominal.geom_friction[pads, 0] - 1.0).min() > 1e-6
+    assert len(set(robots[0].scenarios[0].servo_trim)) == len(factory.problem.channel_names)
+    assert {one.effect.name for one in robots[0].effects.active} >= {"camera_scale", "camera_tilt"}
+
+
+@pytest.mark.parametrize(
+    "misfit", [Misfit("wrong_file", {"gait": 1.0}), Misfit("slip", {"friction": 0.2})], ids=lambda m: m.name
+)
+def test_a_misfit_walks_otherwise(misfit: Misfit, factory: CaseFactory) -> None:
+    path = walk_with(misfit, factory, factory.nominal, factory.gaits["square-1s"])
+    usual = factory.paths["square-1s"]
+    later = np.interp(usual.time, path.time, path["marker.x"])
+    assert path.status == "ok"
+    assert np.abs(later - usual["marker.x"]).max() > 3.0 * factory.floors["square-1s"]
+
+
+def test_a_robot_without_supply_stops(factory: CaseFactory) -> None:
+    cut = Misfit("supply_lost", {"at_s": 1.0})
+    path = walk_with(cut, factory, factory.nominal, factory.gaits["square-0.5s"])
+    late = path["marker.x"][path.time > 2.5]
+    assert path.status == "ok"
+    assert np.ptp(late) < 1e-3
+    assert path["marker.x"][path.time < 1.0].max() > path["marker.x"][0] + 1e-3
+
+
+def case(named: list[str], misfits: dict[str, float]) -> Case:
+    """A case with a seen and an unseen effect, and one trial of three that does not fit."""
+    truth = Truth(
+        kind="several",
+        effects=(
+            PlantedEffect(name="servo_trim", target="all", parameters={"offset_rad": 0.1}),
+            PlantedEffect(name="hinge_friction", target="all", parameters={"torque_n_m": 0.01}),
+        ),
+        gap_over_floor=9.0,
+        seen={"servo_trim": 8.0, "hinge_friction": 1.0},
+        trials=("4s", "1s", "0.5s"),
+        misfits={"1s": "slip"},
+    )
+    answer = {
+        "verdict": "explained",
+        "causes": named,
+        "ambiguous_with": [],
+        "effects": [],
+        "other_probability": 0.1,
+        "gap": {"shrinkage": 0.5},
+        "misfit_trials": misfits,
+    }
+    return Case(name="case-000", truth=truth, diagnosis=Answer.model_validate(json.loads(json.dumps(answer))))
+
+
+def test_effects_that_cannot_be_seen_need_not_be_named() -> None:
+    record = score([case(["servo_trim"], {"1s": 20.0}), case(["servo_gain"], {"4s": 20.0})])
+    assert (record.several_named.value, record.several_named.cases) == (0.5, 2)
+    assert record.several_false.value == 0.5
+    assert (record.misfits_found.value, record.misfits_found.cases) == (0.5, 2)
+    assert (record.misfits_false.value, record.misfits_false.cases) == (0.25, 4)
