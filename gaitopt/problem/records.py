@@ -133,6 +133,18 @@ class Baseline(FileRecord):
         return self
 
 
+class Measured(FileRecord):
+    """What the real robot did with a baseline.
+
+    Attributes:
+        speed_m_s: its forward speed, m/s.
+        origin: where the figure comes from.
+    """
+
+    speed_m_s: Finite
+    origin: str
+
+
 class Fidelity(FileRecord):
     """How finely a simulation is integrated."""
 
@@ -235,6 +247,7 @@ class ProblemFile(FileRecord):
     gait: GaitBounds | None = None
     channels: Annotated[dict[Name, ChannelBounds], Field(min_length=1)]
     baselines: dict[Name, Baseline] = Field(default_factory=dict)
+    measured: dict[str, Measured] = Field(default_factory=dict)
     simulation: Simulation
     servo: Servo = Servo()
     scenarios: Scenarios = Scenarios()
@@ -255,6 +268,9 @@ class ProblemFile(FileRecord):
         for name in self.start.ctrl_deg:
             if name not in self.channels:
                 raise ValueError(str(unknown_name("start.ctrl_deg", "channel", name, self.channels)))
+        for name in self.measured:
+            if name not in self.baselines:
+                raise ValueError(str(unknown_name("measured", "baseline", name, self.baselines)))
         for name, baseline in self.baselines.items():
             source = self.baselines.get(baseline.like) if baseline.like else baseline
             if source is None or source.channels is None:

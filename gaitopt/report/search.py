@@ -27,6 +27,7 @@ from gaitopt.report.words import (
     fidelity_text,
     interval_text,
     names_of,
+    reach_of,
     robot_text,
     scenario_rule,
 )
@@ -68,7 +69,7 @@ def write_report(
         answer=answer_of(summary),
         asked=_asked(problem, summary),
         tiles=_tiles(summary),
-        notes=[*summary.notes, *film.notes],
+        notes=[*filter(None, [reach_of(summary)]), *summary.notes, *film.notes],
         sections=[
             *film.sections,
             Section("Optimised against hand-tuned", table=_speed_table(summary)),

@@ -29,6 +29,50 @@ def answer_of(summary: Summary) -> str:
     return f"{text}, and {met}."
 
 
+_NEARLY = 1.05
+"""Up to this ratio, a gait does not lie beyond what was measured."""
+
+
+def reach_of(summary: Summary) -> str:
+    """Return in one sentence how far the winner lies from what was measured; empty where nothing was."""
+    measured, best = summary.measured, summary.best
+    if measured is None or not math.isfinite(best.speed_m_s):
+        return ""
+    beyond = [
+        text
+        for text in (
+            _period_beyond(best.period_s, measured.period_s),
+            _beyond("speed of", best.speed_m_s, measured.speed_m_s[1], "mm/s", 1e3),
+            _beyond(
+                "RMS torque of", best.metrics.get("rms_torque_n_m", math.nan), measured.rms_torque_n_m, "N m"
+            ),
+        )
+        if text
+    ]
+    of = f"what was measured on the real robot ({', '.join(measured.gaits)})"
+    if not beyond:
+        return f"The winner lies within {of}: in period, speed and torque."
+    return f"The winner lies beyond {of}: its {'; its '.join(beyond)}."
+
+
+def _period_beyond(period_s: float, measured: tuple[float, float]) -> str:
+    shortest, longest = measured
+    if shortest <= _NEARLY * period_s and period_s <= _NEARLY * longest:
+        return ""
+    which, end = ("shortest", shortest) if period_s < shortest else ("longest", longest)
+    return f"period of {figure(period_s)} s is {period_s / end:.2g} times the {which} ({figure(end)} s)"
+
+
+def _beyond(what: str, found: float, largest: float, unit: str, scale: float = 1.0) -> str:
+    """Return that a figure is larger than the largest; empty where it is not, or is not known."""
+    if not found > _NEARLY * largest > 0.0:
+        return ""
+    return (
+        f"{what} {scale * found:.3g} {unit} is {found / largest:.2g} times the largest "
+        f"({scale * largest:.3g} {unit})"
+    )
+
+
 def verdicts(rows: Sequence[ComparedGait]) -> list[str]:
     """Return one sentence for each gait after the first: its difference, and if it is more than noise."""
     return [_verdict(row, rows[0].name) for row in rows[1:]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -158,6 +159,38 @@ class VerifiedRow(_Row):
     speed_m_s: Figure = math.nan
 
 
+class MeasuredRow(_Row):
+    """What was measured on the real robot, which the winner may lie beyond.
+
+    Attributes:
+        gaits: the baselines that were measured.
+        period_s: the shortest and the longest of their periods, s.
+        speed_m_s: the smallest and the largest of their measured speeds, m/s.
+        rms_torque_n_m: the largest RMS torque of their servos, in simulation, N m.
+    """
+
+    gaits: tuple[str, ...]
+    period_s: tuple[float, float]
+    speed_m_s: tuple[float, float]
+    rms_torque_n_m: Figure = math.nan
+
+    @staticmethod
+    def of(problem: Problem, baselines: Sequence[GaitRow]) -> MeasuredRow | None:
+        """Return what a problem says was measured; None where it says nothing."""
+        measured = problem.file.measured
+        rows = [row for row in baselines if row.name in measured]
+        if not rows:
+            return None
+        periods, speeds = [row.period_s for row in rows], [measured[row.name].speed_m_s for row in rows]
+        torques = [row.metrics.get("rms_torque_n_m", math.nan) for row in rows]
+        return MeasuredRow(
+            gaits=tuple(row.name for row in rows),
+            period_s=(min(periods), max(periods)),
+            speed_m_s=(min(speeds), max(speeds)),
+            rms_torque_n_m=max((torque for torque in torques if math.isfinite(torque)), default=math.nan),
+        )
+
+
 class Summary(_Row):
     """What a run found.
 
@@ -175,6 +208,7 @@ class Summary(_Row):
         pareto: gaits of speed against cost of transport; None if not requested.
         notes: what the user should know.
         best: the winner.
+        measured: what was measured on the real robot; None where the problem does not say.
         verified: how the gaits were verified.
         ratio_to_best_baseline: speed of the winner over that of the fastest baseline; None where there is no
             baseline that goes forward.
@@ -196,6 +230,7 @@ class Summary(_Row):
     pareto: tuple[FrontRow, ...] | None = None
     notes: tuple[str, ...] = ()
     best: BestRow
+    measured: MeasuredRow | None = None
     verified: VerifiedRow = VerifiedRow()
     ratio_to_best_baseline: float | None
     ratio_to_best_feasible_baseline: float | None = None
@@ -208,6 +243,8 @@ class Summary(_Row):
         feasible = [b.speed for b in optimised.baselines if b.evaluation.constraints_met]
         reference = problem.simulation.reference
         robots = {"robots": len(problem.robots)} if problem.robots else {}
+        baselines = tuple(GaitRow.of(baseline) for baseline in optimised.baselines)
+        measured = MeasuredRow.of(problem, baselines)
         return Summary(
             problem=problem.name,
             seed=request.seed,
@@ -216,7 +253,7 @@ class Summary(_Row):
             evaluations=len(optimised.entries),
             simulated_s=optimised.simulated_s,
             wall_s=optimised.wall_s,
-            baselines=tuple(GaitRow.of(baseline) for baseline in optimised.baselines),
+            baselines=baselines,
             warm_start=_warm_start(optimised),
             **robots,
             over_scenarios=problem.to_dict()["objective"]["over_scenarios"],
@@ -224,6 +261,7 @@ class Summary(_Row):
             pareto=tuple(FrontRow.of(found) for found in optimised.front) if request.pareto else None,
             notes=optimised.notes,
             best=BestRow(**_gait_figures(best), found_by=optimised.found_by),
+            **({} if measured is None else {"measured": measured}),
             verified=VerifiedRow(
                 timestep_s=reference.timestep_s,
                 integrator=reference.integrator,

@@ -36,6 +36,11 @@ BAD_FILES = {
         "period_s = -0.4",
         "baselines.square.period_s: found -0.4; allowed: greater than or equal to 0.001",
     ),
+    "measured gait that is none": (
+        "[baselines.square]",
+        '[measured.sqare]\nspeed_m_s = 0.1\norigin = "filmed"\n[baselines.square]',
+        "measured: unknown baseline 'sqare'; known: stride, square (nearest: 'square')",
+    ),
     "NaN": ("value = 0.5", "value = nan", "parameters.k_servo.value: found nan; allowed: a finite number"),
     "bounds the wrong way round": (
         "period_s = [0.25, 1.0]",

@@ -4,8 +4,8 @@ import math
 from dataclasses import replace
 
 from gaitopt.optimise.compare import ComparedGait
-from gaitopt.report.words import answer_of, constraints_text, verdicts
-from gaitopt.runs.summary import BestRow, GaitRow, Summary
+from gaitopt.report.words import answer_of, constraints_text, reach_of, verdicts
+from gaitopt.runs.summary import BestRow, GaitRow, MeasuredRow, Summary
 
 FIRST = ComparedGait(
     name="first", period_s=1.0, speed_ci90_m_s=(0.009, 0.011), speed_worst_m_s=0.008, difference_m_s=0.0,
@@ -43,6 +43,33 @@ def test_the_answer_of_a_search_is_one_sentence() -> None:
     )
     failed = answer_of(summary(math.nan, {}, ()))
     assert failed == "The best gait of the search failed where it was verified: diverged."
+
+
+def test_how_far_the_winner_lies_from_what_was_measured_is_one_sentence() -> None:
+    def reach(period_s: float, speed_m_s: float, torque_n_m: float) -> str:
+        found = summary(speed_m_s, {}, ())
+        best = found.best.model_copy(
+            update={"period_s": period_s, "metrics": {"rms_torque_n_m": torque_n_m}},
+        )
+        measured = MeasuredRow(
+            gaits=("slow", "fast"), period_s=(0.5, 4.0), speed_m_s=(0.009, 0.03), rms_torque_n_m=0.2
+        )
+        return reach_of(found.model_copy(update={"best": best, "measured": measured}))
+
+    of = "what was measured on the real robot (slow, fast)"
+    assert reach(0.25, 0.12, 0.19) == (
+        f"The winner lies beyond {of}: its period of 0.25 s is 0.5 times the shortest (0.5 s); its speed of "
+        "120 mm/s is 4 times the largest (30 mm/s)."
+    )
+    assert reach(6.0, 0.02, 0.3) == (
+        f"The winner lies beyond {of}: its period of 6 s is 1.5 times the longest (4 s); its RMS torque of "
+        "0.3 N m is 1.5 times the largest (0.2 N m)."
+    )
+    for period_s in (0.49, 4.1):
+        within = reach(period_s, 0.031, math.nan)
+        assert within == f"The winner lies within {of}: in period, speed and torque."
+    assert reach_of(summary(0.02, {}, ())) == "", "the problem says nothing of it"
+    assert reach(0.25, math.nan, 0.2) == ""
 
 
 def test_a_verdict_says_how_gaits_differ_and_whether_by_more_than_noise() -> None:

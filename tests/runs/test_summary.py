@@ -13,7 +13,8 @@ from gaitopt.core.json import to_json
 from gaitopt.optimise.run import Optimised, Request
 from gaitopt.optimise.verification import Verified
 from gaitopt.problem.problem import Problem
-from gaitopt.runs.summary import Summary
+from gaitopt.problem.records import ProblemFile
+from gaitopt.runs.summary import MeasuredRow, Summary
 from gaitopt.simulation.objective import Evaluation
 
 
@@ -69,6 +70,19 @@ def test_a_failed_baseline_does_not_hide_the_others(strider: Problem, order: int
 def test_there_is_no_ratio_to_a_gait_that_does_not_go_forward(strider: Problem) -> None:
     found = compared(strider, verified(strider, "best", [0.4, 0.4]), verified(strider, "back", [-0.1, -0.1]))
     assert found.ratio_to_best_baseline is None
+
+
+def test_what_was_measured_comes_from_the_problem_and_its_baselines(strider: Problem) -> None:
+    table = {"square": {"speed_m_s": 0.15, "origin": "filmed"}}
+    real = strider._with(ProblemFile.model_validate(strider.to_dict() | {"measured": table}))
+    best, square = verified(strider, "best", [0.3, 0.5]), verified(strider, "square", [0.1, 0.1])
+    square.evaluation.metrics["rms_torque_n_m"] = 0.2
+    found = compared(real, best, square, verified(strider, "stride", [0.2, 0.2]))
+    assert found.measured == MeasuredRow(
+        gaits=("square",), period_s=(2.0, 2.0), speed_m_s=(0.15, 0.15), rms_torque_n_m=0.2
+    )
+    assert found.to_dict()["measured"]["speed_m_s"] == [0.15, 0.15]
+    assert "measured" not in compared(strider, best, square).to_dict()
 
 
 def test_the_file_read_back_is_the_same_record(strider: Problem, tmp_path: Path) -> None:

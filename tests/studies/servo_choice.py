@@ -1,12 +1,13 @@
-"""How fast is the real robot's servo? Two real trials compared with the model, for a range of servos.
+"""How fast is the real robot's servo? Three real trials compared with the model, for a range of servos.
 
     python tests/studies/servo_choice.py --trials DIR --out results/convergence
 
-DIR holds the trials gait-4s.csv and gait-1s.csv, with columns t_s and x_m of the marker; without them
-the row of the real robot is left out. Writes servo.csv: stride, rise, setback and rise time at periods
-of 4 and 1 s, and the speed at 0.5 s, for each choice of the servo, the contact and some dimensions.
+DIR holds the trials gait-4s.csv, gait-1s.csv and gait-0.5s.csv, with columns t_s and x_m of the marker;
+without them the row of the real robot is left out. Writes servo.csv, for each choice of servo, contact
+and some dimensions: stride, rise, setback and rise time at periods of 4 and 1 s, speed and swing at 0.5 s.
+The speed of the servo is chosen at the reference fidelity, and its rows have the speeds over scenarios, too.
 
-Cost: 4 min of two cores.
+Cost: 15 min of two cores.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import argparse
 import csv
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -38,9 +39,11 @@ from numpy.typing import NDArray
 
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Fidelity
 from gaitopt.problem.robot import Robot
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import draw_scenarios
 
 STARTS = 8
 RISE_WINDOW_S = 0.75
@@ -50,8 +53,20 @@ LEAD_S = 0.05
 EXTENDS_AT = 0.25
 """Share of the baselines' cycle at which the middle hinge begins to straighten."""
 
+VARIED = ("square-1s", "square-0.5s")
+SCENARIOS = 12
+SCENARIO_SEED = 1
+"""Draws of the problem's scenarios: friction, strength and trim of the servos, start pose."""
+
 REAL = "real robot"
-SERVOS = (0.0233, 0.03, 0.035, 0.04, 0.045, 0.05, 0.055, 0.06, 0.07)
+MODEL_ONLY = (
+    "sideways_0.5s_mm_s",
+    *(f"reached_0.5s_{channel}" for channel in ("mid_act", "foot1", "foot2")),
+    *(f"varied_{name.removeprefix('square-')}{part}_mm_s" for name in VARIED for part in ("", "_sd")),
+)
+"""Columns that the row of the real robot leaves empty."""
+
+SERVOS = (0.0233, 0.03, 0.035, 0.0375, 0.04, 0.0425, 0.045, 0.05, 0.055, 0.06, 0.07)
 
 
 @dataclass(frozen=True)
@@ -72,12 +87,15 @@ class Trial:
 
 
 TRIALS = (Trial("gait-4s.csv", "square-4s", 2.85, 6), Trial("gait-1s.csv", "square-1s", 0.95, 9))
-"""The 1 s trial is used up to 10 s: after that its time stamps are rounded to 0.1 s."""
+"""The faster trials are used up to 10 s: after that their time stamps are rounded to 0.1 s."""
 
-SPEED_GAIT = "square-0.5s"
+FAST_TRIAL = Trial("gait-0.5s.csv", "square-0.5s", 0.45, 19)
+"""Its rises follow each other without a rest, so only speed and swing are compared."""
 
-CHOICES = (
-    *(Choice(f"b_motor {b:g}", {"b_motor": b}) for b in SERVOS),
+SPEEDS = tuple(Choice(f"b_motor {b:g}", {"b_motor": b}) for b in SERVOS)
+
+OTHERS = (
+    Choice("nothing"),
     Choice("b_motor 0.0233, torque_limit 0.15", {"b_motor": 0.0233, "torque_limit": 0.15}),
     Choice("torque_limit 0.18", {"torque_limit": 0.18}),
     Choice("k_motor 2", {"k_motor": 2.0}),
@@ -150,6 +168,34 @@ def _crossing(time: NDArray[np.float64], forward: NDArray[np.float64], before: i
     return float(np.interp(level, forward[pair], time[pair]))
 
 
+def swings(
+    time: NDArray[np.float64], forward: NDArray[np.float64], period: float, begin: float, cycles: int
+) -> Features:
+    """Return the features of each cycle of a fast gait; the arguments are those of `features`.
+
+    Returns:
+        Per cycle: ``speed``, mm/s; ``swing``, from the smallest to the largest position in the cycle, without
+        the cycle's net travel, mm.
+    """
+    shares = np.linspace(0.0, 1.0, 51)
+    starts = begin + period * np.arange(cycles)[:, None]
+    position = np.interp(starts + period * shares, time, forward)
+    stride = position[:, -1] - position[:, 0]
+    return {
+        "speed": 1e3 * stride / period,
+        "swing": 1e3 * np.ptp(position - stride[:, None] * shares, axis=1),
+    }
+
+
+def fast_columns(found: Features) -> Row:
+    """Return the table's cells about the fast gait: mean and standard error of each feature."""
+    cells = {}
+    for (name, values), unit in zip(found.items(), ("mm_s", "mm"), strict=True):
+        cells[f"{name}_0.5s_{unit}"] = figure(values.mean(), 4)
+        cells[f"{name}_0.5s_se_{unit}"] = figure(standard_error(values), 2)
+    return cells
+
+
 def columns(found: Features, gait: str) -> Row:
     """Return the table's cells about one gait: mean and standard error of each feature."""
     cells = {}
@@ -161,16 +207,22 @@ def columns(found: Features, gait: str) -> Row:
     return cells
 
 
+def read(trials: Path, trial: Trial) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the time, s, and the position, m, of a recording."""
+    with (trials / trial.file).open(newline="", encoding="utf-8") as file:
+        samples = np.array([(float(r["t_s"]), float(r["x_m"])) for r in csv.DictReader(file)])
+    return samples[:, 0], samples[:, 1]
+
+
 def real(trials: Path) -> Row:
     """Return the row of the real robot; its standard errors are over cycles."""
-    row = {}
+    baselines, row = NOMINAL.problem().baselines, {}
     for trial in TRIALS:
-        with (trials / trial.file).open(newline="", encoding="utf-8") as file:
-            samples = np.array([(float(r["t_s"]), float(r["x_m"])) for r in csv.DictReader(file)])
-        period = NOMINAL.problem().baselines[trial.gait].period_s
-        found = features(samples[:, 0], samples[:, 1], period, trial.from_s, trial.cycles)
-        row |= columns(found, trial.gait)
-    return row | dict.fromkeys(("speed_0.5s_mm_s", "speed_0.5s_se_mm_s", "sideways_0.5s_mm_s"), "")
+        period = baselines[trial.gait].period_s
+        row |= columns(features(*read(trials, trial), period, trial.from_s, trial.cycles), trial.gait)
+    period = baselines[FAST_TRIAL.gait].period_s
+    row |= fast_columns(swings(*read(trials, FAST_TRIAL), period, FAST_TRIAL.from_s, FAST_TRIAL.cycles))
+    return row | dict.fromkeys(MODEL_ONLY, "")
 
 
 def extensions(simulator: Simulator, gait: Gait, executor: Executor) -> Row:
@@ -187,23 +239,54 @@ def extensions(simulator: Simulator, gait: Gait, executor: Executor) -> Row:
     return columns({name: np.array([run[name].mean() for run in runs]) for name in runs[0]}, gait.name)
 
 
-def simulated(problem: Problem, executor: Executor) -> Row:
-    """Return the row of one choice of the model."""
-    simulator = Simulator.build(problem, perturbed(STARTS))
-    robot = Robot.of(simulator.models[0])
+def fast(simulator: Simulator, executor: Executor) -> Row:
+    """Return the cells about the fast gait; its standard errors are over starts."""
+    problem, robot = simulator.problem, Robot.of(simulator.models[0])
+    gait = problem.baselines[FAST_TRIAL.gait]
+    transient, cycles = HORIZON.cycles(gait.period_s)
+
+    def one(scenario: int) -> tuple[Features, Mapping[str, float]]:
+        path = simulator.run(gait, scenario)
+        begin = transient * gait.period_s
+        found = swings(path.time, path["marker.x"], gait.period_s, begin, cycles)
+        return found, measure(problem, gait, path, robot)
+
+    runs = list(executor.map(one, range(STARTS)))
+    row = fast_columns({name: np.array([found[name].mean() for found, _ in runs]) for name in runs[0][0]})
+    row["sideways_0.5s_mm_s"] = figure(1e3 * float(np.mean([m["sideways_m_s"] for _, m in runs])), 4)
+    for channel in problem.channel_names:
+        row[f"reached_0.5s_{channel}"] = figure(float(np.mean([m[f"reached.{channel}"] for _, m in runs])), 3)
+    return row
+
+
+def varied(problem: Problem, executor: Executor) -> Row:
+    """Return the mean speeds and their standard deviations over the problem's scenarios."""
+    scenarios = draw_scenarios(problem, SCENARIOS, (SCENARIO_SEED,))
+    simulator = Simulator.build(problem, scenarios, problem.simulation.reference)
+    robot, row = Robot.of(simulator.models[0]), {}
+    for name in VARIED:
+        gait = problem.baselines[name]
+
+        def speed(scenario: int, gait: Gait = gait) -> float:
+            path = simulator.run(gait, scenario)
+            return 1e3 * measure(problem, gait, path, robot)["speed_m_s"]
+
+        speeds = np.array(list(executor.map(speed, range(SCENARIOS))))
+        label = name.removeprefix("square-")
+        row[f"varied_{label}_mm_s"] = figure(speeds.mean(), 4)
+        row[f"varied_{label}_sd_mm_s"] = figure(float(np.std(speeds, ddof=1)), 2)
+    return row
+
+
+def simulated(problem: Problem, fidelity: Fidelity, executor: Executor) -> Row:
+    """Return the row of one choice of the model; at the reference fidelity also over scenarios."""
+    simulator = Simulator.build(problem, perturbed(STARTS), fidelity)
     row = {}
     for trial in TRIALS:
         row |= extensions(simulator, problem.baselines[trial.gait], executor)
-    gait = problem.baselines[SPEED_GAIT]
-    runs = executor.map(lambda i: measure(problem, gait, simulator.run(gait, i), robot), range(STARTS))
-    measured = list(runs)
-    speed, sideways = (1e3 * np.array([m[k] for m in measured]) for k in ("speed_m_s", "sideways_m_s"))
-    row["speed_0.5s_mm_s"] = figure(speed.mean(), 4)
-    row["speed_0.5s_se_mm_s"] = figure(standard_error(speed), 2)
-    row["sideways_0.5s_mm_s"] = figure(sideways.mean(), 4)
-    for channel in problem.channel_names:
-        shares = [m[f"reached.{channel}"] for m in measured]
-        row[f"reached_0.5s_{channel}"] = figure(float(np.mean(shares)), 3)
+    row |= fast(simulator, executor)
+    if fidelity == problem.simulation.reference:
+        row |= varied(problem, executor)
     return row
 
 
@@ -222,10 +305,10 @@ def welded() -> Iterator[Problem]:
         yield replace(problem, model_path=path)
 
 
-def fill(table: KeptTable, name: str, problem: Problem, executor: Executor) -> None:
+def fill(table: KeptTable, name: str, problem: Problem, fidelity: Fidelity, executor: Executor) -> None:
     """Add the row of a choice unless it is there."""
-    key = {"choice": name, "model": fingerprint(problem)}
-    table.fill(key, lambda: [simulated(problem, executor)])
+    key = {"choice": name, "model": fingerprint(problem), "timestep_s": repr(fidelity.timestep_s)}
+    table.fill(key, lambda: [simulated(problem, fidelity, executor)])
 
 
 def main() -> None:
@@ -236,16 +319,21 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    table = KeptTable(options.out / "servo.csv", ("choice", "model"))
-    if options.trials and all((options.trials / trial.file).is_file() for trial in TRIALS):
-        table.fill({"choice": REAL, "model": ""}, lambda: [real(options.trials)])
+    table = KeptTable(options.out / "servo.csv", ("choice", "model", "timestep_s"))
+    trials = (*TRIALS, FAST_TRIAL)
+    if options.trials and all((options.trials / trial.file).is_file() for trial in trials):
+        table.fill({"choice": REAL, "model": "", "timestep_s": ""}, lambda: [real(options.trials)])
     else:
         print(f"no real trials in {options.trials}: their row is left as it is")
     with ThreadPoolExecutor(options.threads) as executor:
-        for choice in CHOICES:
-            fill(table, choice.name, choice.problem(), executor)
+        for choice in SPEEDS:
+            problem = choice.problem()
+            fill(table, choice.name, problem, problem.simulation.reference, executor)
+        for choice in OTHERS:
+            problem = choice.problem()
+            fill(table, choice.name, problem, problem.simulation.working, executor)
         with welded() as problem:
-            fill(table, WELD, problem, executor)
+            fill(table, WELD, problem, problem.simulation.working, executor)
 
 
 if __name__ == "__main__":
