@@ -18,7 +18,7 @@ from gaitopt.effects.active import Values
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
 from gaitopt.simulation.rollout import Simulator
-from gaitopt.simulation.scenario import NOMINAL
+from gaitopt.simulation.scenario import NOMINAL, Scenario
 
 
 @dataclass(frozen=True)
@@ -74,13 +74,13 @@ class Draw:
             for p in self.planted
         )
 
-    def robot(self, problem: Problem, fidelity: Fidelity) -> Simulator:
-        """Return the robot with what was planted, in the nominal scenario.
+    def robot(self, problem: Problem, fidelity: Fidelity, scenario: Scenario = NOMINAL) -> Simulator:
+        """Return the robot with what was planted, in one scenario.
 
         Raises:
             GaitoptError: the model with the effects does not compile.
         """
-        robot = Simulator.build(problem.with_effects(self.effects), (NOMINAL,), fidelity)
+        robot = Simulator.build(problem.with_effects(self.effects), (scenario,), fidelity)
         if self.disturbance is None:
             return robot
         return disturbed(robot, OUTSIDE[self.disturbance.name], self.disturbance.figures)

@@ -24,7 +24,7 @@ from gaitopt.robot.signals import is_position, measured_column_of
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
-from gaitopt.simulation.tolerances import apply_errors, draw_errors, observation_errors
+from gaitopt.simulation.tolerances import draw_errors, draw_measurement
 
 _LONGEST_NAME = 200
 """A longer name of a gait names no file, bytes: file systems allow 255 with all that is added."""
@@ -87,18 +87,18 @@ class Numerics:
     everything: bool
 
     def robot(self, factory: CaseFactory, draw: Draw) -> Simulator:
-        """Return a robot with what was planted, and small errors; its scenario has their trims."""
-        robot = draw.robot(factory.problem, self.fidelity)
-        rng = np.random.default_rng(self.errors_seed)
-        model = copy.copy(robot.models[0])
+        """Return a robot with what was planted, and small errors; those of a scenario are in it."""
+        problem, rng = factory.problem, np.random.default_rng(self.errors_seed)
         if self.everything:
-            parts = replace(robot.effects.nominal, model=model)
-            errors = draw_errors(parts, factory.problem.file.tolerances, rng)
-            apply_errors(parts, errors)
-            seen = replace(robot.effects, active=(*robot.effects.active, *observation_errors(errors)))
-            robot = replace(robot, effects=seen, scenarios=(Scenario(servo_trim=errors.servo_trim_rad),))
+            tolerances = problem.file.tolerances
+            errors = draw_errors(factory.nominal.effects.nominal, tolerances, rng)
+            robot = draw.robot(problem, self.fidelity, Scenario(errors))
+            measurement = draw_measurement(tolerances, rng)
+            seen = replace(robot.effects, active=(*robot.effects.active, *measurement))
+            robot, model = replace(robot, effects=seen), copy.copy(robot.models[0])
         else:
-            model = with_small_errors(model, robot, rng)
+            robot = draw.robot(problem, self.fidelity)
+            model = with_small_errors(copy.copy(robot.models[0]), robot, rng)
         model.opt.impratio = self.impratio
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return replace(robot, models=(model,))
@@ -171,8 +171,7 @@ def _walks(
     """Return the walks of a robot, one for each gait, each from its own start pose."""
     walks = {}
     for name, gait in factory.gaits.items():
-        trim = robot.scenarios[0].servo_trim
-        posed = replace(robot, scenarios=(replace(poses[name], servo_trim=trim),))
+        posed = replace(robot, scenarios=(replace(poses[name], errors=robot.scenarios[0].errors),))
         if name in misfits:
             walks[name] = executor.submit(walk_with, misfits[name], factory, posed, gait)
         else:

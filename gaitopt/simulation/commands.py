@@ -59,7 +59,7 @@ def drive_commands(
         step_s: step of the simulation, s.
         held: what the servos hold before gait time 0, rad, shape (nu,); the start's targets by default.
     """
-    held, trim = start_targets(problem) if held is None else held, scenario.servo_trim
+    held, trim = start_targets(problem) if held is None else held, scenario.errors.servo_trim_rad
 
     def sent(time: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = servo_commands(problem, drive, time, scenario.framed, held)

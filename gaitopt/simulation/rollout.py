@@ -40,6 +40,7 @@ from gaitopt.simulation.stepping import (
     stop_reason,
     warning_names,
 )
+from gaitopt.simulation.tolerances import NO_ERRORS
 
 Array = NDArray[np.float64]
 
@@ -59,8 +60,8 @@ class RolloutSettings:
             Standing still is a reference for all gaits of a robot; any other gait may itself be slow.
         chunk: steps that are simulated at once; then the work is checked, which costs 1 to 3 % of it.
         count_every: one step in this many is counted.
-        settle_limit_s: time in which a robot with effects comes to rest before a rollout, s. It starts near
-            its rest, and on a slope it creeps by micrometres without end.
+        settle_limit_s: time in which a robot with effects or errors comes to rest before a rollout, s. It
+            starts near its rest, and on a slope it creeps by micrometres without end.
     """
 
     max_steps: int = 5_000_000
@@ -111,11 +112,16 @@ class Simulator:
         robot = build_instrumented(problem)
         effects = robot.effects
         if effects.changes_robot:
-            _start_at_rest(robot.model, problem, effects, settings.settle_limit_s)
+            _start_at_rest(robot.model, problem, NOMINAL, effects, settings.settle_limit_s)
         fidelity = fidelity or problem.simulation.working
-        model = with_fidelity(robot.model, fidelity)
-        models = tuple(scenario_model(model, problem, scenario, effects) for scenario in scenarios)
-        return Simulator(problem, fidelity, tuple(scenarios), models, robot.signals, effects, settings)
+        models = []
+        for scenario in scenarios:
+            started = robot.model
+            if scenario.errors != NO_ERRORS:
+                started = copy.copy(robot.model)
+                _start_at_rest(started, problem, scenario, effects, settings.settle_limit_s)
+            models.append(scenario_model(with_fidelity(started, fidelity), problem, scenario, effects))
+        return Simulator(problem, fidelity, tuple(scenarios), tuple(models), robot.signals, effects, settings)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is sent to another process: everything but the threads' MuJoCo data."""
@@ -282,13 +288,14 @@ class Simulator:
         return workspace
 
 
-def _start_at_rest(model: mujoco.MjModel, problem: Problem, effects: RobotEffects, limit_s: float) -> None:
-    """Put the keyframe ``start`` where the robot with effects rests under the targets held before a gait."""
-    held = start_targets(problem)
+def _start_at_rest(
+    model: mujoco.MjModel, problem: Problem, scenario: Scenario, effects: RobotEffects, limit_s: float
+) -> None:
+    """Put the keyframe ``start`` where a scenario's robot rests under the targets held before a gait."""
+    held = start_targets(problem) + (scenario.errors.servo_trim_rad or 0.0)
     arriving = effects.commands(lambda time: np.tile(held, (len(time), 1)), model)
     ctrl = arriving(np.zeros(1))[0, control_columns(model, problem.channel_names)]
     model.key_ctrl[0] = ctrl
     model.key_act[0] = held_activation(model, ctrl, model.key_act[0])
     if problem.file.start.settle:
-        affected = scenario_model(model, problem, NOMINAL, effects)
-        model.key_qpos[0] = settled(affected, ctrl, limit_s)
+        model.key_qpos[0] = settled(scenario_model(model, problem, scenario, effects), ctrl, limit_s)

@@ -1,9 +1,8 @@
-"""Scenarios: one draw each of friction, servo strength, servo zeros and start pose."""
+"""Scenarios: robots with small errors, each with a start pose of its own."""
 
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -14,19 +13,19 @@ from mujoco.batch import Batch
 from gaitopt.core.streams import seeded
 from gaitopt.effects.active import EffectValues, RobotEffects
 from gaitopt.effects.added import with_added
+from gaitopt.effects.parts import Parts
 from gaitopt.problem.instruments import scalar_joints
+from gaitopt.problem.model import nominal_parts
 from gaitopt.problem.problem import Problem
-from gaitopt.problem.tolerances import WIDEST
+from gaitopt.simulation.tolerances import NO_ERRORS, SmallErrors, apply_errors, draw_errors
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """One draw of the quantities that are not known exactly.
+    """One robot among those that the problem's tolerances allow, and how its walk begins.
 
     Attributes:
-        friction: factor on every friction coefficient.
-        servo_strength: factor on every torque limit; the supply voltage does the same to a servo.
-        servo_trim: zero error of each servo, rad; none where it is empty.
+        errors: what is wrong with the robot and its floor.
         start_pose_rad: standard deviation of the errors of the joints' start angles and of the heading.
         pose_seed: seed of those errors.
         framed: commands are sampled at the servo's frame rate and act one frame late.
@@ -34,9 +33,7 @@ class Scenario:
             simulator of several scenarios has one robot, so it refuses them; see `setup.prepared`.
     """
 
-    friction: float = 1.0
-    servo_strength: float = 1.0
-    servo_trim: tuple[float, ...] = ()
+    errors: SmallErrors = NO_ERRORS
     start_pose_rad: float = 0.0
     pose_seed: int = 0
     framed: bool = False
@@ -51,41 +48,29 @@ def draw_scenarios(problem: Problem, count: int, seed: Iterable[int]) -> tuple[S
     """Return `count` scenarios; the same seed gives the same ones.
 
     The last gets its commands at the servo's frames, if the problem says so (`Scenarios.framed`).
+
+    Raises:
+        GaitoptError: the MJCF is missing, broken, or does not fit the problem.
     """
-    tolerances, framed_last = problem.file.tolerances, problem.file.scenarios.framed
-    rng = seeded(*seed)
-    scenarios = []
-    for index in range(count):
-        of_all = np.array((tolerances.friction, tolerances.servo_strength))
-        friction, strength = 1.0 + WIDEST * of_all * rng.uniform(-1.0, 1.0, 2)
-        widest_trim = WIDEST * math.radians(tolerances.servo_trim_deg)
-        trim = widest_trim * rng.uniform(-1.0, 1.0, len(problem.channel_names))
-        pose_seed = int(rng.integers(2**31))
-        framed = framed_last and index == count - 1
-        scenarios.append(
-            Scenario(
-                friction=float(friction),
-                servo_strength=float(strength),
-                servo_trim=tuple(trim.tolist()),
-                start_pose_rad=tolerances.start_pose_rad,
-                pose_seed=pose_seed,
-                framed=framed,
-            )
+    tolerances, rng = problem.file.tolerances, seeded(*seed)
+    parts = nominal_parts(problem)
+    return tuple(
+        Scenario(
+            errors=draw_errors(parts, tolerances, rng),
+            start_pose_rad=tolerances.start_pose_rad,
+            pose_seed=int(rng.integers(2**31)),
+            framed=problem.file.scenarios.framed and index == count - 1,
         )
-    return tuple(scenarios)
+        for index in range(count)
+    )
 
 
 def scenario_model(
     model: mujoco.MjModel, problem: Problem, scenario: Scenario, effects: RobotEffects
 ) -> mujoco.MjModel:
-    """Return a copy of a compiled model with a scenario's friction and strength, and with effects."""
+    """Return a copy of a compiled model with a scenario's small errors, and with effects."""
     model = copy.copy(model)
-    named = [model.geom(name).id for name in problem.roles.pads + problem.roles.body]
-    touching = named or list(range(model.ngeom))
-    model.geom_friction[touching] *= scenario.friction
-    pairs = np.isin(model.pair_geom1, touching) | np.isin(model.pair_geom2, touching)
-    model.pair_friction[pairs] *= scenario.friction
-    model.actuator_forcerange[:] *= scenario.servo_strength
+    apply_errors(Parts(model, problem.roles, problem.channel_names), scenario.errors)
     effects.edit(model)
     return model
 

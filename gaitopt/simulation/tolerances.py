@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -21,7 +20,7 @@ Factors = tuple[float, ...]
 
 @dataclass(frozen=True)
 class SmallErrors:
-    """What is wrong with one robot and one camera; an empty tuple stands for parts without errors.
+    """What is wrong with one robot and its floor; an empty tuple stands for parts without errors.
 
     Attributes:
         friction: factor on the friction of each geom that may touch the ground, the pads first.
@@ -32,10 +31,6 @@ class SmallErrors:
         mass: factor on the mass and inertia of each body, the world first.
         hinge_stiffness: factor on the stiffness of each passive hinge.
         slope_rad: slope of the floor forward and to the left, uphill positive, rad.
-        camera_scale: measured over true length.
-        camera_tilt_rad: rotation of the measured plane of forward and up, rad.
-        clock_offset_s: the recording starts this much later than it says, s.
-        clock_rate: measured over true time.
     """
 
     friction: Factors = ()
@@ -46,14 +41,14 @@ class SmallErrors:
     mass: Factors = ()
     hinge_stiffness: Factors = ()
     slope_rad: tuple[float, float] = (0.0, 0.0)
-    camera_scale: float = 1.0
-    camera_tilt_rad: float = 0.0
-    clock_offset_s: float = 0.0
-    clock_rate: float = 1.0
+
+
+NO_ERRORS = SmallErrors()
+"""The nominal robot."""
 
 
 def draw_errors(parts: Parts, tolerances: Tolerances, rng: np.random.Generator) -> SmallErrors:
-    """Return the errors of one robot, its camera and its clock, each drawn uniformly by its tolerance.
+    """Return the errors of one robot and its floor, each drawn uniformly by its tolerance.
 
     Every draw is made, whatever the tolerances: an error does not depend on the size of another one.
 
@@ -64,12 +59,13 @@ def draw_errors(parts: Parts, tolerances: Tolerances, rng: np.random.Generator) 
     """
     servos = len(parts.channels)
 
-    def draws(sd: float, count: int) -> NDArray[np.float64]:
-        return sd * rng.uniform(-WIDEST, WIDEST, count)
+    def draws(sd: float, count: int) -> list[float]:
+        values: list[float] = (sd * rng.uniform(-WIDEST, WIDEST, count)).tolist()
+        return values
 
     def factors(common: float, each: float, count: int) -> Factors:
-        values: NDArray[np.float64] = (1.0 + draws(common, 1)) * (1.0 + draws(each, count))
-        return tuple(values.tolist())
+        (of_all,) = draws(common, 1)
+        return tuple((1.0 + of_all) * (1.0 + own) for own in draws(each, count))
 
     friction = factors(tolerances.friction, tolerances.friction_each, len(touching_geoms(parts)))
     strength = factors(tolerances.servo_strength, tolerances.servo_strength_each, servos)
@@ -78,21 +74,16 @@ def draw_errors(parts: Parts, tolerances: Tolerances, rng: np.random.Generator) 
     trim = draws(math.radians(tolerances.servo_trim_deg), servos)
     mass = factors(0.0, tolerances.mass_each, len(own_bodies(parts.model)))
     hinges = factors(0.0, tolerances.hinge_stiffness_each, len(parts.hinges))
-    forward, left = draws(math.radians(tolerances.slope_deg), 2).tolist()
-    scale, tilt, late, rate = draws(1.0, 4).tolist()
+    forward, left = draws(math.radians(tolerances.slope_deg), 2)
     return SmallErrors(
         friction=friction,
         servo_strength=strength,
         servo_gain=gain,
         servo_damping=damping,
-        servo_trim_rad=tuple(trim.tolist()),
+        servo_trim_rad=tuple(trim),
         mass=mass,
         hinge_stiffness=hinges,
         slope_rad=(forward, left),
-        camera_scale=1.0 + tolerances.camera_scale * scale,
-        camera_tilt_rad=math.radians(tolerances.camera_tilt_deg) * tilt,
-        clock_offset_s=tolerances.clock_offset_s * late,
-        clock_rate=1.0 + tolerances.clock_rate * rate,
     )
 
 
@@ -151,12 +142,15 @@ def _tilt_gravity(parts: Parts, forward: float, left: float) -> None:
         mujoco.mju_rotVecQuat(parts.model.opt.gravity, gravity, turn)
 
 
-def observation_errors(errors: SmallErrors) -> tuple[ActiveEffect, ...]:
-    """Return the errors of the camera and its clock as effects."""
-    values: Mapping[str, float] = {
-        "camera_scale": errors.camera_scale,
-        "camera_tilt": errors.camera_tilt_rad,
-        "clock_offset": errors.clock_offset_s,
-        "clock_rate": errors.clock_rate,
+def draw_measurement(tolerances: Tolerances, rng: np.random.Generator) -> tuple[ActiveEffect, ...]:
+    """Return the errors of one camera and its clock as effects, each drawn uniformly by its tolerance."""
+    sizes = {
+        "camera_scale": tolerances.camera_scale,
+        "camera_tilt": math.radians(tolerances.camera_tilt_deg),
+        "clock_offset": tolerances.clock_offset_s,
+        "clock_rate": tolerances.clock_rate,
     }
-    return tuple(ActiveEffect(EFFECTS[name], value) for name, value in values.items())
+    drawn = rng.uniform(-WIDEST, WIDEST, len(sizes)).tolist()
+    pairs = zip(sizes.items(), drawn, strict=True)
+    middles = {"camera_scale": 1.0, "clock_rate": 1.0}
+    return tuple(ActiveEffect(EFFECTS[n], middles.get(n, 0.0) + size * unit) for (n, size), unit in pairs)

@@ -54,7 +54,7 @@ def test_everything_is_a_little_wrong(factory: CaseFactory) -> None:
     assert np.abs(frictions[2] - frictions[0]).max() > 1e-3
     pads = [nominal.geom(name).id for name in factory.problem.roles.pads]
     assert np.abs(frictions[0][pads] / nominal.geom_friction[pads, 0] - 1.0).min() > 1e-6
-    assert len(set(robots[0].scenarios[0].servo_trim)) == len(factory.problem.channel_names)
+    assert len(set(robots[0].scenarios[0].errors.servo_trim_rad)) == len(factory.problem.channel_names)
     assert {one.effect.name for one in robots[0].effects.active} >= {"camera_scale", "camera_tilt"}
 
 

@@ -24,6 +24,7 @@ from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import NOMINAL, Scenario
 from gaitopt.simulation.setup import RobotSetup
+from gaitopt.simulation.tolerances import SmallErrors
 
 
 @pytest.mark.parametrize("effect", ALL)
@@ -82,7 +83,7 @@ def test_all_effects_go_together(arcfold: Problem, nominal: Parts) -> None:
 
 
 def test_scenarios_act_on_a_robot_with_effects(arcfold: Problem) -> None:
-    weak = (NOMINAL, Scenario(friction=0.9, servo_strength=0.8))
+    weak = (NOMINAL, Scenario(SmallErrors(friction=(0.9,) * 15, servo_strength=(0.8,) * 3)))
     effects = {
         "servo_torque_limit": {"limit_n_m": 0.1},
         "servo_deadband": {"half_width_rad": 0.02},

@@ -8,6 +8,7 @@ from gaitopt.problem.problem import Problem
 from gaitopt.problem.start import start_targets
 from gaitopt.simulation.commands import drive_commands, row_commands, servo_commands
 from gaitopt.simulation.scenario import NOMINAL, Scenario
+from gaitopt.simulation.tolerances import SmallErrors
 
 
 def test_framed_commands_are_held_for_a_frame_and_come_one_frame_late(quick: Problem) -> None:
@@ -39,7 +40,7 @@ def test_before_the_first_frame_the_start_is_held(strider: Problem) -> None:
 
 def test_before_the_start_any_drive_is_held_and_then_has_each_servos_zero(strider: Problem) -> None:
     drive, time = wandering(2, 1.0), np.array([-0.5, -1e-12, 0.0, 0.3])
-    sent = drive_commands(strider, drive, Scenario(servo_trim=(0.1, -0.2)), 1e-3)(time)
+    sent = drive_commands(strider, drive, Scenario(SmallErrors(servo_trim_rad=(0.1, -0.2))), 1e-3)(time)
     plain = drive_commands(strider, drive, NOMINAL, 1e-3)(time)
     np.testing.assert_array_equal(sent, plain + np.array([0.1, -0.2]))
     np.testing.assert_array_equal(plain[0], start_targets(strider))

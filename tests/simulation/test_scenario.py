@@ -12,6 +12,7 @@ from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import NOMINAL, Scenario, draw_scenarios
+from gaitopt.simulation.tolerances import SmallErrors
 
 
 def test_the_same_seed_draws_the_same_scenarios(arcfold: Problem) -> None:
@@ -33,18 +34,23 @@ def test_the_streams_share_no_scenario(arcfold: Problem) -> None:
     assert not streams[1] & streams[2]
 
 
-def test_scenarios_stay_inside_the_tolerances(arcfold: Problem) -> None:
+def test_scenarios_are_robots_that_the_tolerances_allow(arcfold: Problem) -> None:
     tolerances = arcfold.file.tolerances
     drawn = draw_scenarios(arcfold, 400, (1,))
-    for factors, sd in (
-        ([scenario.friction for scenario in drawn], tolerances.friction),
-        ([scenario.servo_strength for scenario in drawn], tolerances.servo_strength),
-    ):
-        width = math.sqrt(3.0) * sd
-        assert 1.0 - width <= min(factors) < 1.0 - 0.9 * width
-        assert 1.0 + 0.9 * width < max(factors) <= 1.0 + width
-        assert np.mean(factors) == pytest.approx(1.0, abs=0.2 * width)
+    trims = np.degrees([scenario.errors.servo_trim_rad for scenario in drawn])
+    assert trims.shape == (400, 3)
+    assert np.std(trims) == pytest.approx(tolerances.servo_trim_deg, rel=0.1)
+    assert {scenario.start_pose_rad for scenario in drawn} == {tolerances.start_pose_rad}
     assert [scenario.framed for scenario in drawn] == [False] * 399 + [True]
+
+
+def test_a_robot_with_errors_starts_where_it_rests_itself(arcfold: Problem) -> None:
+    """A trim turns the servo before the gait begins, not with a jerk at its start."""
+    trimmed = Scenario(SmallErrors(servo_trim_rad=(0.05, 0.0, 0.0)))
+    simulator = Simulator.build(arcfold, (NOMINAL, trimmed))
+    nominal, moved = (simulator.run(still(arcfold), i, duration=0.2)["joint.mid_left"] for i in range(2))
+    assert moved[0] - nominal[0] == pytest.approx(0.05, abs=0.01)
+    assert np.ptp(moved) < 1e-3
 
 
 def test_no_scenario_is_framed_where_the_problem_says_so() -> None:
@@ -53,7 +59,7 @@ def test_no_scenario_is_framed_where_the_problem_says_so() -> None:
 
 
 def test_a_friction_scenario_scales_the_robots_geoms_alone(strider: Problem) -> None:
-    nominal, slippery = Simulator.build(strider, (NOMINAL, Scenario(friction=0.5))).models
+    nominal, slippery = Simulator.build(strider, (NOMINAL, Scenario(SmallErrors(friction=(0.5,) * 3)))).models
     for i in range(nominal.ngeom):
         scaled = nominal.geom(i).name in {"rear_foot", "front_foot", "trunk"}
         factor = 0.5 if scaled else 1.0
@@ -62,7 +68,9 @@ def test_a_friction_scenario_scales_the_robots_geoms_alone(strider: Problem) -> 
 
 
 def test_a_servo_scenario_scales_the_torque_limit_alone(strider: Problem) -> None:
-    nominal, weak = Simulator.build(strider, (NOMINAL, Scenario(servo_strength=0.8))).models
+    nominal, weak = Simulator.build(
+        strider, (NOMINAL, Scenario(SmallErrors(servo_strength=(0.8, 0.8))))
+    ).models
     np.testing.assert_array_equal(weak.actuator_forcerange, 0.8 * nominal.actuator_forcerange)
     assert weak.actuator_gainprm.tolist() == nominal.actuator_gainprm.tolist()
     assert weak.geom_friction.tolist() == nominal.geom_friction.tolist()

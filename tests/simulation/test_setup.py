@@ -21,7 +21,7 @@ def setup_at(problem: Problem, timestep_s: float) -> RobotSetup:
 def test_a_setup_is_compiled_once(strider: Problem) -> None:
     setup = setup_at(strider, 1.1e-3)
     with ThreadPoolExecutor(4) as executor:
-        simulators = {id(simulator) for simulator, _ in executor.map(prepared, [setup] * 8)}
+        simulators = {id(one.simulator) for one in executor.map(prepared, [setup] * 8)}
     assert len(simulators) == 1
 
 

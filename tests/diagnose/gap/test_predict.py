@@ -17,12 +17,13 @@ from gaitopt.problem.problem import Problem
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
+from gaitopt.simulation.tolerances import SmallErrors
 
 
 @pytest.fixture(scope="module")
 def robot(strider: Problem) -> Simulator:
     """The strider with nominal friction, and with less."""
-    return Simulator.build(strider, (Scenario(), Scenario(friction=0.9)))
+    return Simulator.build(strider, (Scenario(), Scenario(SmallErrors(friction=(0.9,) * 3))))
 
 
 def trial(drive: Drive, seconds: float) -> Trial:
