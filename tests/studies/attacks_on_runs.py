@@ -23,6 +23,7 @@ from attacked import (
     edited_json,
     resumed,
 )
+from edited_runs import deep
 
 # Finding 1: a stranger's run folder destroys files outside of it.
 
@@ -114,13 +115,6 @@ def taken_name(on: Ground) -> Ended:
 
 
 # Finding 5: edited run folders.
-
-
-def deep(levels: int) -> Any:
-    value: Any = 1
-    for _ in range(levels):
-        value = [value]
-    return value
 
 
 SUMMARIES: dict[str, tuple[Callable[[Any], object], str]] = {

@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from edited_runs import as_if_killed
 from helpers import STRIDER
 
 from gaitopt.cli import app as cli
@@ -28,12 +29,7 @@ def finished(finished_folder: Path, tmp_path: Path) -> Path:
 @pytest.fixture
 def unfinished(finished: Path) -> Path:
     """The same, as if it had been killed after three gaits."""
-    for name in ("best.toml", "summary.json", "report.html"):
-        (finished / name).unlink()
-    shutil.rmtree(finished / "figures")
-    journal = finished / "evaluations.csv"
-    journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:4]))
-    return finished
+    return as_if_killed(finished)
 
 
 @pytest.fixture

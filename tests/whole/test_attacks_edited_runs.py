@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from edited_runs import deep
 from helpers import STRIDER, edited, problem_folder
 from hostility import run
 from stopping import small_trials
@@ -176,13 +177,6 @@ def test_a_request_out_of_range_is_one_line(
     edited(unfinished / "run.toml", old, new)
     code, err = run(capsys, "optimise", unfinished, "--resume", unfinished, "--quiet")
     assert (code, said in err) == (1, True), err
-
-
-def deep(levels: int) -> Any:
-    value: Any = 1
-    for _ in range(levels):
-        value = [value]
-    return value
 
 
 SUMMARIES: dict[str, Callable[[dict[str, Any]], object]] = {
