@@ -74,7 +74,7 @@ class Walked:
 
 @dataclass(frozen=True)
 class Correction:
-    """What the most probable explanation changes, blamed or not.
+    """What an explanation changes, blamed or not; see `correct`.
 
     Attributes:
         problem: the problem with its effects switched on.
@@ -94,7 +94,9 @@ def correct(
     executor: Executor | None = None,
     settings: CorrectionSettings | None = None,
 ) -> Correction | None:
-    """Return the robot with the most probable explanation; None where none was fitted.
+    """Return the robot with the explanation that corrects it, or with the most probable one where none does.
+
+    It is None where no explanation was fitted.
 
     Args:
         problem: the nominal problem.
@@ -105,7 +107,7 @@ def correct(
     found = diagnosis.found
     if found is None or found.best is None:
         return None
-    corrected = problem.with_effects(found.best.effect_values)
+    corrected = problem.with_effects((diagnosis.correction or found.best).effect_values)
     if executor is None:
         return Correction(corrected)
     walked = walked_gaits(problem, corrected, executor, settings or DEFAULT)

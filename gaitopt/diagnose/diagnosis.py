@@ -21,17 +21,21 @@ from gaitopt.diagnose.gap.leftover import top_speeds
 from gaitopt.diagnose.gap.predict import predict
 from gaitopt.diagnose.gap.settings import GapSettings
 from gaitopt.diagnose.gap.where import GapShare, gap_shares
+from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.command_experiment import Alternative, CommandExperiment, propose_commands
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.experiment import Experiment, propose
 from gaitopt.diagnose.judge.find_causes import NominalGap, find_causes
 from gaitopt.diagnose.judge.gap import Gap, GapMeter, shrinkage
+from gaitopt.diagnose.judge.posterior import draw_robots
 from gaitopt.diagnose.judge.settings import DEFAULT, DiagnosisSettings
+from gaitopt.diagnose.predictions import Prediction, predictions
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import DataSet
 from gaitopt.diagnose.trial_gap import TrialGap, trial_gap
 from gaitopt.effects import EFFECTS
+from gaitopt.effects.active import EffectValues
 from gaitopt.problem.records import Fidelity
 from gaitopt.robot.signals import is_position
 from gaitopt.simulation.rollout import Simulator
@@ -80,6 +84,8 @@ class Diagnosis:
         trials: the trials in the data set's order.
         found: what may have caused the gap; None where no effect was tried.
         experiment: what to measure next; None where there is nothing to tell apart.
+        robots: robots drawn from the posterior; none where nothing was fitted.
+        predictions: what is expected of each baseline and of each gait or log of the data set.
     """
 
     problem: str
@@ -89,6 +95,8 @@ class Diagnosis:
     trials: tuple[TrialGap, ...]
     found: Causes | None = None
     experiment: Experiment | CommandExperiment | None = None
+    robots: tuple[EffectValues, ...] = ()
+    predictions: tuple[Prediction, ...] = ()
 
     @property
     def defective(self) -> list[str]:
@@ -101,13 +109,32 @@ class Diagnosis:
         """Effects and defects of the record that are blamed."""
         return [*(self.found.causes if self.found else []), *self.defective]
 
-    @property
-    def is_corrected(self) -> bool:
-        """Whether there is a corrected robot: effects are blamed, or predict held-out logs better."""
-        if self.found is None or self.found.best is None:
-            return False
-        angles = self.found.gap_angles if self.found.judgement.sets else None
-        return bool(self.found.causes) or (angles is not None and angles.after < angles.before)
+    @cached_property
+    def correction(self) -> Candidate | None:
+        """The explanation that corrects the robot, whatever the verdict; None where there is none, or no gap.
+
+        It is the most probable one if effects are blamed, else the most probable of those that predict
+        held-out data better than the nominal robot does.
+        """
+        found = self.found
+        if found is None or found.verdict == "no_gap":
+            return None
+        if found.causes:
+            return found.best
+        before = _rms_left(found.none)
+        return next((one for one in found.candidates if _rms_left(one) < before), None)
+
+    def gap_with(self, candidate: Candidate) -> Gap:
+        """Return the held-out gap before and after a candidate, m; of the angles, rad, without a marker."""
+        found = self.found
+        if found is None:
+            return self.gap
+        meter = GapMeter(
+            found.trial_set, found.nominal, found.seed, found.judgement.settings.evidence.gap_draws
+        )
+        if self.measures_positions or self.gap_angles is None:
+            return meter.measure(candidate, self.gap.floor)
+        return meter.measure_angles(candidate, self.gap_angles.floor)
 
     @property
     def significant(self) -> bool:
@@ -220,6 +247,7 @@ class Diagnosis:
             "gap_angles": _in_rad(self.gap_angles) if self.gap_angles else None,
             "gap_by_trial": [gap.to_dict() for gap in self.gap_by_trial],
             "gap_angles_by_trial": [gap.to_dict_in_rad() for gap in self.gap_angles_by_trial],
+            "predictions": [prediction.to_dict() for prediction in self.predictions],
             "next_experiment": self.experiment.to_dict() if self.experiment else None,
             "trials": [trial.to_dict() for trial in self.trials],
             "defects": [defect.to_dict() for trial in self.trials for defect in trial.defects],
@@ -258,6 +286,10 @@ def diagnose(
     gap = NominalGap(simulator, *parts, located.located_gap.floor, angles.floor if angles else None)
     context = Context(Runner(executor, on_progress, cache), request.seed, settings)
     found = find_causes(gap, tried, context)
+    on_progress(Progress("predicting gaits", found.n_robots, unit="robots"))
+    robots = draw_robots(found, request.seed)
+    expected = predictions(found, robots, executor, request.seed)
+    located = replace(located, robots=robots, predictions=expected)
     if found.verdict == "no_gap" or not request.next_gait:
         return replace(located, found=found)
     experiment = _next_experiment(simulator, located, found, context, on_progress)
@@ -329,6 +361,12 @@ def locate(
     gaps = [trial_gap(simulator.problem, *part, speeds, settings) for part in parts]
     name, source = simulator.problem.name, str(dataset.source)
     return Diagnosis(name, source, seed, simulator.fidelity, tuple(gaps))
+
+
+def _rms_left(candidate: Candidate) -> float:
+    """Return what a candidate leaves of held-out data, RMS: m, or rad where no position was measured."""
+    samples = candidate.marker if len(candidate.marker) else candidate.angles
+    return float(np.sqrt(np.mean(samples**2))) if len(samples) else 0.0
 
 
 def _in_rad(gap: Gap) -> dict[str, object]:

@@ -11,11 +11,13 @@ from gaitopt.diagnose.gap.components import LARGEST_SIZE
 from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.split import Split
 from gaitopt.diagnose.gap.where import by_component
+from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.command_experiment import CommandExperiment
 from gaitopt.diagnose.judge.experiment import Experiment
 from gaitopt.diagnose.judge.gap import Gap
 from gaitopt.diagnose.judge.unevenness import UNEVEN
 from gaitopt.diagnose.trial_gap import SIGNIFICANT, TrialGap
+from gaitopt.optimise.robots import Expected
 from gaitopt.robot.signals import is_position
 
 _WORTH_SAYING = 0.15
@@ -112,17 +114,28 @@ def _who(diagnosis: Diagnosis) -> tuple[str, str]:
     found = diagnosis.found
     if found is None or found.best is None:
         return "", ""
-    best = found.best
-    texts = []
-    for h, at in zip(best.hypotheses, best.at, strict=True):
-        value = f"{h.value(at):.4g} {h.effect.unit}".strip()
-        texts.append(f"{h.name} ({h.effect.parameter} = {value})")
-    return " and ".join(texts), " or ".join(found.ambiguous_with)
+    return with_values(found.best), " or ".join(found.ambiguous_with)
 
 
 def how_far(diagnosis: Diagnosis) -> str:
-    """Return how far the corrected robot goes, in one sentence."""
-    return f"Corrected by {_who(diagnosis)[0]}: {_before_after(shown_gap(diagnosis))}."
+    """Return how far the corrected robot goes, in a sentence or two; empty where there is none."""
+    candidate = diagnosis.correction
+    if candidate is None:
+        return ""
+    shown = replace(shown_gap(diagnosis), gap=diagnosis.gap_with(candidate))
+    text = f"Corrected by {with_values(candidate)}: {_before_after(shown)}."
+    if diagnosis.verdict == "ambiguous":
+        return f"{text} Other effects explain the trials as well."
+    return text if diagnosis.verdict == "explained" else f"{text} This is not all that is wrong."
+
+
+def with_values(candidate: Candidate) -> str:
+    """Return the effects of a candidate with their parameters."""
+    texts = []
+    for h, at in zip(candidate.hypotheses, candidate.at, strict=True):
+        value = f"{h.value(at):.4g} {h.effect.unit}".strip()
+        texts.append(f"{h.name} ({h.effect.parameter} = {value})")
+    return " and ".join(texts)
 
 
 def _before_after(shown: ShownGap) -> str:
@@ -166,6 +179,32 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
     return sentences
 
 
+def expectation(diagnosis: Diagnosis) -> list[str]:
+    """Return what is expected of gaits, or of logs recorded again, in a sentence; empty for nothing."""
+    speeds = [
+        f"{row.gait} {speed_text(row.speed)}{'' if row.filmed else ' (not filmed)'}"
+        for row in diagnosis.predictions
+        if row.speed is not None
+    ]
+    if speeds:
+        return [f"Expected speeds in mm/s, with 90 % intervals: {', '.join(speeds)}."]
+    left: dict[str, list[float]] = {}
+    for row in diagnosis.predictions:
+        for name, one in row.rms.items():
+            left.setdefault(name, []).append(one.mean)
+    texts = []
+    for name, values in left.items():
+        low, high = (_mm(end) if is_position(name) else angle(end) for end in (min(values), max(values)))
+        texts.append(f"{name} {low}" if len(values) == 1 else f"{name} {low} to {high}")
+    return [f"Expected RMS error where the same is recorded again: {', '.join(texts)}."] if texts else []
+
+
+def speed_text(speed: Expected) -> str:
+    """Return a speed with its interval, in mm/s."""
+    low, high = speed.ci90
+    return f"{1e3 * speed.mean:.1f} ({1e3 * low:.1f} to {1e3 * high:.1f})"
+
+
 def what_commands_tell(found: CommandExperiment) -> str:
     """Return what the commands are expected to tell, in a sentence or two."""
     apart = f"by {found.chosen.separation.mean:.1f} floors on average"
@@ -191,7 +230,7 @@ def what_it_tells(experiment: Experiment) -> str:
 
 def explanation(diagnosis: Diagnosis) -> list[str]:
     """Return what is known of each trial, and what the defects of its recording are."""
-    sentences = _ranking(diagnosis)
+    sentences = _ranking(diagnosis) + expectation(diagnosis)
     for trial in diagnosis.trials:
         sentences.append(_of_log(trial) if has_log(trial) else _trial(trial))
         sentences += [f"{trial.name}: {defect.name}: {defect.message}." for defect in trial.defects]

@@ -69,6 +69,7 @@ def write_page(
             *save_figures(folder, _gap_pictures(diagnosis)),
             *log_sections(folder, diagnosis, correction),
             *_with_table("Largest parts of the gap", tables.largest_parts(diagnosis)),
+            *_expected(diagnosis),
             *_with_table("Gaits on the corrected robot", tables.walked(correction)),
             *_next_sections(folder, diagnosis),
             folded(Section("Trial by trial, in words", sentences=explanation(diagnosis))),
@@ -83,6 +84,12 @@ def write_page(
 def _with_table(title: str, table: Table | None) -> list[Section]:
     """Return a section with a table; none where there is no table."""
     return [] if table is None else [Section(title, table=table)]
+
+
+def _expected(diagnosis: Diagnosis) -> list[Section]:
+    """Return what to expect of gaits; folded where logs have a row for each signal."""
+    sections = _with_table("What to expect", tables.predictions(diagnosis))
+    return list(map(folded, sections)) if any(map(has_log, diagnosis.trials)) else sections
 
 
 def _asked(problem: Problem, diagnosis: Diagnosis) -> dict[str, str]:

@@ -14,7 +14,8 @@ from gaitopt.problem.problem import Problem
 from gaitopt.report.diagnosis import write_page
 from gaitopt.report.page import after_results
 from gaitopt.runs.diagnosis_folder import CORRECTED_FILE, DIAGNOSIS_FILE, NEXT_FILE
-from gaitopt.runs.folder import MODEL_FILE, write_into, write_problem
+from gaitopt.runs.folder import MODEL_FILE, POSTERIOR_FILE, write_into, write_problem
+from gaitopt.runs.posterior import posterior_csv
 
 
 def write_diagnosis(
@@ -39,7 +40,9 @@ def write_diagnosis(
     content = diagnosis.to_dict() | {"answer": answer(diagnosis), "explanation": explanation(diagnosis)}
     content["corrected"] = [row.to_dict() for row in correction.walked] if correction else []
     write_problem(folder, problem, nominal_mjcf(problem))
-    if correction and diagnosis.is_corrected:
+    if diagnosis.robots:
+        write_into(folder, POSTERIOR_FILE, posterior_csv(diagnosis.robots))
+    if correction and diagnosis.correction:
         text = f"# {how_far(diagnosis)}\n{correction.problem.to_toml(MODEL_FILE)}"
         write_into(folder, CORRECTED_FILE, text)
     if isinstance(diagnosis.experiment, Experiment):

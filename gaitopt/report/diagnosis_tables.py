@@ -12,6 +12,7 @@ from gaitopt.diagnose.gap.split import COMPONENTS, Split
 from gaitopt.diagnose.gap.split_commands import COMMAND_COMPONENTS
 from gaitopt.diagnose.gap.where import ComponentShare, GapShare, by_component
 from gaitopt.diagnose.judge.causes import EffectProbability
+from gaitopt.diagnose.predictions import Prediction
 from gaitopt.diagnose.words import has_log, name_of_component
 from gaitopt.report.page import Table
 from gaitopt.robot.signals import unit_of
@@ -95,6 +96,39 @@ def walked(correction: Correction | None) -> Table | None:
         "probable effect, which may not be certain. For a full search on the corrected robot: gaitopt "
         "optimise corrected.toml.",
     )
+
+
+def predictions(diagnosis: Diagnosis) -> Table | None:
+    """Return what is expected of each gait, or of each signal of a log; None where nothing is."""
+    speeds = [row for row in diagnosis.predictions if row.speed is not None]
+    if speeds:
+        return Table(
+            head=["gait", "filmed", "nominal [mm/s]", "expected [mm/s]", "90 % interval"],
+            rows=[_prediction_row(row) for row in speeds],
+            note="Forward speed over robots drawn from posterior.csv. The interval holds what is not known "
+            "of the robot, its start pose, and what no effect explains, by the evidence of held-out gaits. "
+            "For other gaits: gaitopt simulate PROBLEM GAIT --posterior with this folder.",
+            words=(1,),
+        )
+    rows = [
+        [f"{row.gait}: {name}", _amount(one.mean, unit_of(name)), _ends(one.ci90, unit_of(name))]
+        for row in diagnosis.predictions
+        for name, one in row.rms.items()
+    ]
+    note = "RMS error where the same is recorded again: what the fit to the other recordings leaves of it."
+    return Table(head=["signal", "expected error", "90 % interval"], rows=rows, note=note) if rows else None
+
+
+def _prediction_row(row: Prediction) -> list[str]:
+    if row.speed is None or row.nominal_m_s is None:
+        raise ValueError("the row has no speed")
+    low, high = row.speed.ci90
+    speeds = [f"{1e3 * value:.1f}" for value in (row.nominal_m_s, row.speed.mean, low, high)]
+    return [row.gait, "yes" if row.filmed else "no", *speeds[:2], " to ".join(speeds[2:])]
+
+
+def _ends(ends: tuple[float, float], unit: str) -> str:
+    return " to ".join(_amount(end, unit) for end in ends)
 
 
 def largest_parts(diagnosis: Diagnosis) -> Table | None:
