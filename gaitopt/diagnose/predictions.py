@@ -39,7 +39,7 @@ class PredictionSettings:
         draws: number of resamplings.
     """
 
-    robots: int = 24
+    robots: int = 16
     stretches: int = 8
     draws: int = 200
 

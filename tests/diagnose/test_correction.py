@@ -1,7 +1,10 @@
 """The corrected and the nominal robot, compared on the same gaits."""
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from gaitopt.diagnose.correction import CorrectionSettings, Walked, correct, walked_gaits
@@ -45,3 +48,39 @@ def test_in_processes_the_speeds_are_the_same(strider: Problem, steep: Problem) 
 def test_without_a_fitted_effect_there_is_nothing_to_correct(strider: Problem) -> None:
     located = Diagnosis(strider.name, "trials", 1, strider.simulation.working, ())
     assert correct(strider, located) is None
+
+
+def found_with(verdict: str, causes: tuple[str, ...], left: list[float], nominal: float) -> Diagnosis:
+    """A diagnosis whose candidates leave so much of held-out angles, rad, the most probable first."""
+
+    def candidate(rms: float) -> Any:
+        return SimpleNamespace(marker=np.empty(0), angles=np.full(9, rms), left=rms)
+
+    candidates = tuple(map(candidate, left))
+    found: Any = SimpleNamespace(
+        verdict=verdict,
+        causes=causes,
+        candidates=candidates,
+        best=candidates[0] if candidates else None,
+        none=candidate(nominal),
+    )
+    fidelity: Any = None
+    return Diagnosis("p", "s", 1, fidelity, (), found=found)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "causes", "left", "corrected"),
+    [
+        ("unexplained", (), [1.2, 0.9, 0.5], 0.9),
+        ("partly_explained", (), [0.9], 0.9),
+        ("unexplained", (), [1.0, 1.2], None),
+        ("explained", ("servo_lag",), [1.1, 0.5], 1.1),
+        ("no_gap", (), [0.5], None),
+        ("unexplained", (), [], None),
+    ],
+)
+def test_a_robot_is_corrected_wherever_held_out_data_are_predicted_better(
+    verdict: str, causes: tuple[str, ...], left: list[float], corrected: float | None
+) -> None:
+    chosen: Any = found_with(verdict, causes, left, nominal=1.0).correction
+    assert (None if chosen is None else chosen.left) == corrected

@@ -20,6 +20,7 @@ from gaitopt.jobs.diagnose import diagnose
 from gaitopt.jobs.outputs import Stopped
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.runs.folder import held
+from gaitopt.runs.posterior import with_posterior
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
 
@@ -56,6 +57,12 @@ def test_a_run_folder_with_everything_in_it(
     assert printed["verdict"] == "no_gap"
     assert (printed["causes"], printed["ambiguous_with"], printed["effects"]) == ([], [], [])
     assert printed["next_experiment"] is None
+    assert [row["gait"] for row in printed["predictions"]] == list(load_problem("arcfold").baselines)
+    speed = next(row for row in printed["predictions"] if row["filmed"])["speed_m_s"]
+    low, high = speed["ci90"]
+    assert low < speed["mean"] < high
+    assert len(with_posterior(load_problem("arcfold"), out).robots) >= 64
+    assert not (out / "corrected.toml").exists()
     assert set(printed["gap"]) == {
         "heldout_before_m",
         "heldout_after_m",
@@ -72,6 +79,7 @@ def test_a_run_folder_with_everything_in_it(
     ]
     page = (out / "report.html").read_text()
     assert "No significant gap" in page
+    assert "What to expect" in page
     assert page.count("data:image/png;base64") == 3
 
 
@@ -217,6 +225,19 @@ def test_an_interrupted_diagnosis_goes_on_to_the_same_bits(
     whole, halted = tmp_path / "whole", tmp_path / "halted"
     first, second = asked(out=whole).explanation[:2]
     assert not list(whole.glob("simulated-*"))
+    robots = with_posterior(arcfold, whole).robots
+    assert len(robots) >= 64
+    slopes = [robot[0].value for robot in robots if robot and robot[0].name == "ground_slope"]
+    estimate = next(
+        row["parameters"]["angle_rad"]
+        for row in json.loads((whole / "diagnosis.json").read_text())["effects"]
+        if row["name"] == "ground_slope"
+    )
+    low, high = estimate["ci90"]
+    inside = sum(low <= slope <= high for slope in slopes)
+    assert 0.8 * len(slopes) < inside < len(slopes)
+    assert "Expected speeds in mm/s" in " ".join(asked(resume=whole).explanation)
+    assert (whole / "corrected.toml").read_text().startswith("# Corrected by ground_slope")
     assert first.startswith("ground_slope (all)")
     assert "cosine" not in first
     assert second.startswith("camera_tilt (all)")

@@ -184,6 +184,7 @@ OF_A_DIAGNOSIS = [
         ".report.abcd1234.html",
         "next-player",
         "next.csv",
+        "posterior.csv",
     ),
 ]
 
