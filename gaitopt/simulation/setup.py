@@ -67,8 +67,8 @@ class Prepared:
     robot: Robot
 
 
-_compiled: Kept[str, tuple[Simulator, Robot]] = Kept(_KEPT)
-_robots: Kept[tuple[str, int], tuple[Simulator, Robot]] = Kept(_KEPT_ROBOTS)
+_compiled: Kept[str, tuple[Simulator, tuple[Robot, ...]]] = Kept(_KEPT)
+_robots: Kept[tuple[str, int], tuple[Simulator, tuple[Robot, ...]]] = Kept(_KEPT_ROBOTS)
 
 
 def prepared(setup: RobotSetup, scenario: int = 0) -> Prepared:
@@ -90,16 +90,19 @@ def prepared(setup: RobotSetup, scenario: int = 0) -> Prepared:
             f"--executor: found a worker with {versions_text()}; allowed: {setup.versions}, as here"
         )
     if not any(one.effects for one in setup.scenarios):
-        simulator, robot = _compiled.get(setup.key, lambda: _compile(setup.problem, setup.scenarios, setup))
-        return Prepared(simulator, scenario, robot)
+        simulator, robots = _compiled.get(setup.key, lambda: _compile(setup.problem, setup.scenarios, setup))
+        return Prepared(simulator, scenario, robots[scenario])
     own = setup.scenarios[scenario]
-    simulator, robot = _robots.get(
+    simulator, robots = _robots.get(
         (setup.key, scenario),
         lambda: _compile(setup.problem.as_robot(own.effects), [replace(own, effects=())], setup),
     )
-    return Prepared(simulator, 0, robot)
+    return Prepared(simulator, 0, robots[0])
 
 
-def _compile(problem: Problem, scenarios: Sequence[Scenario], setup: RobotSetup) -> tuple[Simulator, Robot]:
+def _compile(
+    problem: Problem, scenarios: Sequence[Scenario], setup: RobotSetup
+) -> tuple[Simulator, tuple[Robot, ...]]:
+    """Return a simulator and the figures of the robot of each scenario: their servos differ."""
     simulator = Simulator.build(problem, scenarios, setup.fidelity)
-    return simulator, Robot.of(simulator.models[0])
+    return simulator, tuple(Robot.of(model) for model in simulator.models)

@@ -4,12 +4,14 @@ import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
+from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Simulator
-from gaitopt.simulation.scenario import NOMINAL, Scenario
+from gaitopt.simulation.scenario import NOMINAL, Scenario, draw_scenarios
 from gaitopt.simulation.setup import RobotSetup, prepared
 
 
@@ -53,3 +55,18 @@ def test_the_latest_robots_are_kept(strider: Problem) -> None:
         prepared(setup_at(strider, 1.5e-3 + 1e-5 * index))
     assert prepared(setup_at(strider, 1.57e-3)).simulator is prepared(setup_at(strider, 1.57e-3)).simulator
     assert prepared(setup_at(strider, 1.4e-3)).simulator is not oldest
+
+
+def test_metrics_know_the_servos_of_each_scenario(arcfold: Problem) -> None:
+    """A servo's own damping is no load at its shaft: a tenth more of it must not count as power."""
+    scenarios = (NOMINAL, *draw_scenarios(arcfold, 2, [4]))
+    setup = RobotSetup.of(arcfold, scenarios, arcfold.simulation.working)
+    gait = arcfold.baselines["square-1s"]
+    powers = []
+    for index in range(len(scenarios)):
+        one = prepared(setup, index)
+        path = one.simulator.run(gait, one.scenario, duration=3.0)
+        powers.append(measure(arcfold, gait, path, one.robot)["power_w"])
+    dampings = [prepared(setup, index).robot.damping for index in range(len(scenarios))]
+    assert np.ptp(dampings, axis=0).min() > 0.0
+    assert powers[1:] == pytest.approx([powers[0]] * 2, rel=0.35)
