@@ -200,6 +200,7 @@ def test_a_diagnosis_of_hostile_names_ends_with_its_page(
         known = content["baselines"]
         gait = known["square-4s"] | {"period_s": known["square-1s"]["period_s"]}
         content["baselines"] = dict.fromkeys(names, gait)
+        content["measured"] = dict.fromkeys(names[:1], content["measured"]["square-1s"])
 
     robot = problem_folder(tmp_path / "robot", quick_folder, renamed)
     trials = {f"{name} #1": (name, columns) for name in names[:2]}
