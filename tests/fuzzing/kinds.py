@@ -222,9 +222,10 @@ def run_folder(rng: random.Random, folder: Path) -> Case:
     resume = ["optimise", "run", "--resume", "run", *rng.choice([[], ["--json"], ["--seed", "1"]])]
     if victim == "summary.json" and not path.exists():
         resume = ["simulate", "run", "run"]
-    return Case(
-        rng.choice([resume, resume, commands_on(rng, "run", "run"), commands_on(rng, str(STRIDER), "run")])
+    arguments = rng.choice(
+        [resume, resume, commands_on(rng, "run", "run"), commands_on(rng, str(STRIDER), "run")]
     )
+    return Case(arguments, rewrites=("run",) if arguments is resume else ())
 
 
 def journal(rng: random.Random, folder: Path) -> Case:

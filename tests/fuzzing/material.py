@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import random
 import shutil
@@ -110,7 +111,8 @@ def finished_run(seed: int = 1) -> dict[str, bytes]:
         with folder:
             found = optimise(problem(), Request(seed=seed, budget=6, warm_start=False),
                              folder.open_journal(problem()), SerialExecutor())  # fmt: skip
-            folder.write_results(problem(), found)
+            # The time that a run took would make the bytes that a case breaks depend on the machine.
+            folder.write_results(problem(), dataclasses.replace(found, wall_s=1.0))
         return contents(path)
 
 

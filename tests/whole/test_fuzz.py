@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 from fuzzing import KINDS, WHOLE, attempt, make
+from fuzzing.material import finished_run
+from fuzzing.outcome import Case
 
 CASES = 12
 WHOLE_CASES = 2
@@ -31,3 +33,15 @@ def test_the_same_seed_makes_the_same_case(tmp_path: Path) -> None:
         make(1, "gait file", 3, tmp_path / name)
         texts.append((tmp_path / name / "gait.toml").read_bytes())
     assert texts[0] == texts[1]
+
+
+def test_a_search_that_is_resumed_may_tell_its_progress(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run").mkdir()
+    for name, data in finished_run().items():
+        (tmp_path / "run" / name).write_bytes(data)
+    (tmp_path / "run" / "summary.json").unlink()
+    outcome = attempt(Case(["optimise", "run", "--resume", "run"], rewrites=("run",)), tmp_path)
+    assert outcome.ended == "done", outcome.words
