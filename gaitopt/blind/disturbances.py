@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gaitopt.effects.active import RobotEffects
 from gaitopt.effects.effect import LOOP_INTERVAL_S, Update
 from gaitopt.effects.library.friction import Friction
+from gaitopt.effects.parts import Parts
 from gaitopt.robot.signals import MARKER
 from gaitopt.simulation.rollout import Simulator
 
@@ -90,9 +91,8 @@ def _along(simulator: Simulator, sensed: Array) -> float:
     return float(sensed[columns] @ simulator.problem.roles.axes[0])
 
 
-def _touching(model: mujoco.MjModel, simulator: Simulator) -> list[int]:
-    roles = simulator.problem.roles
-    return [model.geom(name).id for name in roles.pads + roles.body]
+def _parts(model: mujoco.MjModel, simulator: Simulator) -> Parts:
+    return Parts(model, simulator.problem.roles, simulator.problem.channel_names)
 
 
 def _start(simulator: Simulator) -> float:
@@ -114,9 +114,8 @@ def _draw_sticky(rng: np.random.Generator, size: float, simulator: Simulator) ->
 
 
 def _stick(model: mujoco.MjModel, simulator: Simulator, figures: Figures) -> Callable[[Array, float], None]:
-    geoms = _touching(model, simulator)
-    pads = set(simulator.problem.roles.pads)
-    body = [g for g in geoms if model.geom(g).name not in pads] or geoms
+    parts = _parts(model, simulator)
+    body = parts.body or parts.touching
     friction = Friction(model, body)
 
     def act(sensed: Array, _: float) -> None:
@@ -132,7 +131,7 @@ def _draw_soft(rng: np.random.Generator, size: float, simulator: Simulator) -> d
 
 
 def _sink(model: mujoco.MjModel, simulator: Simulator, figures: Figures) -> Callable[[Array, float], None]:
-    geoms = _touching(model, simulator)
+    geoms = _parts(model, simulator).touching
     friction, solref = Friction(model, geoms), model.geom_solref[geoms].copy()
 
     def act(sensed: Array, _: float) -> None:

@@ -182,7 +182,7 @@ def _together(
     if len(sized) < len(names):
         return None
     draw = Draw(kind, tuple(planted for one in sized for planted in one.draw.planted))
-    gap = gap_of(factory, draw, executor)
+    gap = _gap_of(factory, draw, executor)
     return Sized(draw, gap) if settings.fits(gap, settings.excess * settings.largest) else None
 
 
@@ -210,7 +210,7 @@ def _sized(
     best: Sized | None = None
     for _ in range(settings.bisections):
         draw = by_size(size)
-        gap = gap_of(factory, draw, executor)
+        gap = _gap_of(factory, draw, executor)
         if settings.fits(gap, most):
             best = Sized(draw, gap)
             if settings.close * wanted <= gap <= settings.wide * wanted:
@@ -222,7 +222,7 @@ def _sized(
     return best
 
 
-def gap_of(factory: CaseFactory, draw: Draw, executor: Executor) -> float:
+def _gap_of(factory: CaseFactory, draw: Draw, executor: Executor) -> float:
     """Return the largest gap of any gait in floors, by the nominal numerics."""
     try:
         robot = draw.robot(factory.problem, factory.nominal.fidelity)

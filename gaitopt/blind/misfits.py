@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gaitopt.blind.factory import CaseFactory, observed
-from gaitopt.effects.library.friction import Friction
+from gaitopt.effects.library.friction import scale_friction
+from gaitopt.effects.parts import Parts
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.logged import LoggedCommands
 from gaitopt.robot.trajectory import Trajectory
@@ -70,9 +71,6 @@ def walk_with(misfit: Misfit, factory: CaseFactory, robot: Simulator, gait: Gait
 def _slippery(robot: Simulator, factor: float) -> Simulator:
     """Return a robot on a floor that was dusty in one trial."""
     model = copy.copy(robot.models[0])
-    roles = robot.problem.roles
-    geoms = [model.geom(name).id for name in roles.pads + roles.body]
-    friction = Friction(model, geoms)
-    for index in range(len(geoms)):
-        friction.scale(index, factor)
+    parts = Parts(model, robot.problem.roles, robot.problem.channel_names)
+    scale_friction(model, parts.touching, factor)
     return replace(robot, models=(model,))

@@ -29,7 +29,6 @@ from gaitopt.simulation.tolerances import draw_errors, draw_measurement
 _LONGEST_NAME = 200
 """A longer name of a gait names no file, bytes: file systems allow 255 with all that is added."""
 
-
 _CASE, _NOTHING = "the case", "nothing"
 """Labels of the case's robot, and of that without what was planted."""
 

@@ -27,7 +27,7 @@ from gaitopt.diagnose.judge.command_experiment import Alternative, CommandExperi
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.experiment import Experiment, propose
 from gaitopt.diagnose.judge.find_causes import NominalGap, find_causes
-from gaitopt.diagnose.judge.gap import Gap, GapMeter, shrinkage
+from gaitopt.diagnose.judge.gap import Gap, shrinkage
 from gaitopt.diagnose.judge.posterior import draw_robots
 from gaitopt.diagnose.judge.settings import DEFAULT, DiagnosisSettings
 from gaitopt.diagnose.predictions import Prediction, predictions
@@ -129,12 +129,9 @@ class Diagnosis:
         found = self.found
         if found is None:
             return self.gap
-        meter = GapMeter(
-            found.trial_set, found.nominal, found.seed, found.judgement.settings.evidence.gap_draws
-        )
         if self.measures_positions or self.gap_angles is None:
-            return meter.measure(candidate, self.gap.floor)
-        return meter.measure_angles(candidate, self.gap_angles.floor)
+            return found.meter.measure(candidate, self.gap.floor)
+        return found.meter.measure_angles(candidate, self.gap_angles.floor)
 
     @property
     def significant(self) -> bool:
@@ -206,13 +203,11 @@ class Diagnosis:
         found = self.found
         if found is None or found.gap_angles is None or found.best is None:
             return []
-        draws = found.judgement.settings.evidence.gap_draws
-        meter = GapMeter(found.trial_set, found.nominal, found.seed, draws)
         rows = []
         for index, trial in enumerate(self.trials):
             angles = [floor.total**2 for name, floor in trial.floors.items() if not is_position(name)]
             if angles and trial.aligned.trial.drive.period_s is None:
-                gap = meter.measure_angles(found.best, math.sqrt(float(np.mean(angles))), index)
+                gap = found.meter.measure_angles(found.best, math.sqrt(float(np.mean(angles))), index)
                 rows.append(GapOfTrial(trial.name, gap))
         return rows
 

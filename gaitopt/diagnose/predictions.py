@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from gaitopt.core.statistics import spread90
 from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.fit.residual import by_signal
 from gaitopt.diagnose.judge.candidates import Candidate
@@ -227,5 +228,4 @@ def _rms(stretches: Sequence[Array], rng: np.random.Generator, settings: Predict
     sums, counts = (np.array([of(one) for one in stretches], dtype=float) for of in (np.sum, len))
     drawn = rng.integers(len(sums), size=(settings.draws, len(sums)))
     roots = np.sqrt(sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1))
-    low, high = np.quantile(roots, (0.05, 0.95)).tolist()
-    return Expected(math.sqrt(float(sums.sum() / counts.sum())), (low, high))
+    return Expected(math.sqrt(float(sums.sum() / counts.sum())), spread90(roots))

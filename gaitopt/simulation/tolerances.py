@@ -113,13 +113,12 @@ def apply_errors(parts: Parts, errors: SmallErrors) -> None:
         bodies = own_bodies(model)
         model.body_mass[bodies] *= errors.mass
         model.body_inertia[bodies] *= np.array(errors.mass)[:, None]
+        mujoco.mj_setConst(model, mujoco.MjData(model))
     if errors.hinge_stiffness:
         model.jnt_stiffness[parts.hinges] *= errors.hinge_stiffness
         model.jnt_stiffnesspoly[parts.hinges] *= np.array(errors.hinge_stiffness)[:, None]
     if any(errors.slope_rad):
         _tilt_gravity(parts, *errors.slope_rad)
-    if errors.mass:
-        mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def _scale_friction(parts: Parts, factors: NDArray[np.float64]) -> None:

@@ -194,7 +194,7 @@ class Causes:
         """Return the held-out gap of one trial, its floor given in m; None where nothing was fitted."""
         if self.gap is None or self.best is None:
             return None
-        return self._meter.measure(self.best, floor, trial)
+        return self.meter.measure(self.best, floor, trial)
 
     @property
     def _of_library(self) -> float:
@@ -202,7 +202,8 @@ class Causes:
         return 1.0 if self.judgement.sets is not None else 1.0 - self.other_probability
 
     @cached_property
-    def _meter(self) -> GapMeter:
+    def meter(self) -> GapMeter:
+        """What measures the held-out gap of a candidate."""
         draws = self.judgement.settings.evidence.gap_draws
         return GapMeter(self.trial_set, self.nominal, self.seed, draws)
 
@@ -228,8 +229,8 @@ class Causes:
     def _shrinkage(self, candidate: Candidate) -> float | None:
         """Return the share of the gap above the floor that a candidate takes away on held-out data."""
         if len(self.trial_set.sample_blocks) == 0 and self.gap_angles is not None:
-            return self._meter.measure_angles(candidate, self.gap_angles.floor).shrinkage
-        return self._meter.measure(candidate, self.gap.floor).shrinkage if self.gap else None
+            return self.meter.measure_angles(candidate, self.gap_angles.floor).shrinkage
+        return self.meter.measure(candidate, self.gap.floor).shrinkage if self.gap else None
 
     @cached_property
     def misfit_trials(self) -> dict[str, float]:

@@ -14,6 +14,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.core.statistics import NORMAL_95
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.robust import RobustLoss
 from gaitopt.diagnose.fit.runner import RobotRequest, Runner
@@ -26,9 +27,6 @@ from gaitopt.diagnose.judge.candidates import Candidate, heldout
 from gaitopt.diagnose.judge.precision import Interval
 
 Array = NDArray[np.float64]
-
-_Z90 = 1.645
-"""Half-width of a 90 % interval in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -195,7 +193,7 @@ def set_intervals(fit: SetFit, loss: RobustLoss, fitter: SetFitter, changes: Arr
         fitter: its fitter, for the priors.
         changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
     """
-    halves = _Z90 * np.sqrt(np.diag(covariance(fit, loss, fitter, changes)))
+    halves = NORMAL_95 * np.sqrt(np.diag(covariance(fit, loss, fitter, changes)))
     intervals = []
     for h, share, half in zip(fit.hypotheses, fit.shares.tolist(), halves.tolist(), strict=True):
         low, high = h.share_limits

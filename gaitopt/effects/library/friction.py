@@ -36,18 +36,19 @@ class Friction:
             self._model.pair_friction[rows] *= change
 
 
-def _scale_friction(parts: Parts, geoms: Sequence[int], factor: float) -> None:
-    friction = Friction(parts.model, geoms)
+def scale_friction(model: mujoco.MjModel, geoms: Sequence[int], factor: float) -> None:
+    """Multiply the coefficients of geoms of a model, and of the pairs that have them, by a factor."""
+    friction = Friction(model, geoms)
     for index in range(len(geoms)):
         friction.scale(index, factor)
 
 
 def _scale_pads(parts: Parts, scale: float, _: float) -> None:
-    _scale_friction(parts, parts.pads, scale)
+    scale_friction(parts.model, parts.pads, scale)
 
 
 def _scale_body(parts: Parts, scale: float, _: float) -> None:
-    _scale_friction(parts, parts.body, scale)
+    scale_friction(parts.model, parts.body, scale)
 
 
 def _one_pad(parts: Parts) -> str | None:

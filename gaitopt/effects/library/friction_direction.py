@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gaitopt.effects.added import added_name
 from gaitopt.effects.effect import Effect, Update
 from gaitopt.effects.library.friction import Friction
-from gaitopt.effects.library.ground_loads import load_addresses, sense_loads
+from gaitopt.effects.library.ground_loads import load_addresses, sense_pads
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 from gaitopt.robot.contact import can_touch, can_touch_ground, ground_geoms, mixed_friction
@@ -99,10 +99,6 @@ FRICTION_ANISOTROPY = Effect(
 )
 
 
-def _sense_pads(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
-    sense_loads(spec, nominal, nominal.pads)
-
-
 def _directed(parts: Parts, ratio: float) -> Update:
     """Return the loop that sets each pad's coefficient from the direction of the ground's force on it.
 
@@ -143,6 +139,6 @@ FRICTION_DIRECTION = Effect(
     ),
     allowed=(0.0, math.inf),
     role="pads",
-    structure=_sense_pads,
+    structure=sense_pads,
     loop=_directed,
 )

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.streams import GRIP_VARIATION_SEED, Stream, generator
 from gaitopt.effects.effect import LOOP_INTERVAL_S, Effect, Update
 from gaitopt.effects.library.friction import Friction
-from gaitopt.effects.library.ground_loads import load_addresses, sense_loads
+from gaitopt.effects.library.ground_loads import load_addresses, sense_pads
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 
@@ -21,10 +20,6 @@ _LOADED = 0.01
 _FREE_S = 0.03
 """A step begins when a pad takes load after it was free for this long, s: a simulated contact that chatters
 is free for a few milliseconds, a foot that swings for a twentieth of a second or more."""
-
-
-def _sense_pads(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
-    sense_loads(spec, nominal, nominal.pads)
 
 
 def _gripping(parts: Parts, relative_sd: float) -> Update:
@@ -74,6 +69,6 @@ GRIP_VARIATION = Effect(
     ),
     allowed=(0.0, 2.0),
     role="pads",
-    structure=_sense_pads,
+    structure=sense_pads,
     loop=_gripping,
 )

@@ -30,6 +30,11 @@ def sense_loads(spec: mujoco.MjSpec, nominal: Parts, geoms: Sequence[int]) -> No
         )
 
 
+def sense_pads(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
+    """Add the same of each pad: the structure of an effect."""
+    sense_loads(spec, nominal, nominal.pads)
+
+
 def load_addresses(parts: Parts, geoms: Sequence[int]) -> list[int]:
     model = parts.model
     return [int(model.sensor(added_name("load", model.geom(g).name)).adr[0]) for g in geoms]

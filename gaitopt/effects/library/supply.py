@@ -28,10 +28,9 @@ def _no_limit(parts: Parts) -> str | None:
 
 def _sense_torques(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
     """Add a sensor of each servo's torque, where the supply of another target has not added it."""
-    known = {sensor.name for sensor in spec.sensors}
     for index in range(len(nominal.channels)):
         actuator = spec.actuators[index]
-        if added_name("torque", actuator.name) in known:
+        if spec.sensor(added_name("torque", actuator.name)) is not None:
             continue
         spec.add_sensor(
             name=added_name("torque", actuator.name),
