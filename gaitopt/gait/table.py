@@ -23,7 +23,7 @@ from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.core.files import LARGEST_TEXT, read_text
 from gaitopt.core.validation import PLAIN_NUMBER, validated
 from gaitopt.gait.calibration import Calibration
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.gait import Gait, read_gait
 
 FORMAT = 1
 """Version of the file format."""
@@ -203,6 +203,15 @@ def read_table(path: Path) -> GaitTable:
             "it was changed since, export the gait again"
         )
     return table
+
+
+def read_gait_file(path: Path) -> Gait:
+    """Return the gait in a gait file or an exported table.
+
+    Raises:
+        GaitoptError: the file cannot be read or its content is wrong.
+    """
+    return read_table(path).gait if is_table(path) else read_gait(path)
 
 
 def _parts(text: str, path: Path) -> tuple[Any, list[list[int]]]:

@@ -10,6 +10,7 @@ from gaitopt.diagnose.record.defect import Defect
 from gaitopt.diagnose.record.export import ImportOptions
 from gaitopt.diagnose.record.importing import Imported, import_files
 from gaitopt.jobs.inputs import check_positive
+from gaitopt.problem.problem import Problem, load_problem
 
 
 @dataclass(frozen=True)
@@ -47,23 +48,28 @@ def import_recordings(
     gaits: Sequence[str] | str | None,
     out: Path | str,
     options: ImportOptions | None = None,
+    problem: Problem | str | None = None,
 ) -> ImportRun:
     """Write a data set of exports of tracking programs and logs; nothing is written unless all can be read.
 
     Args:
         files: exports of Tracker, DeepLabCut, SLEAP or Kinovea, CSV files and JSON lines, each a trial; and
             LeRobot data sets, a trial an episode.
-        gaits: what was commanded, where the files do not say it: one name or gait file for all of these, or
-            one for each.
+        gaits: what was commanded, where the files do not say it: one for all of these, or one for each. Each
+            is a run folder, a gait file, an exported table, or the name of a gait of the problem.
         out: the new data set.
         options: what the files do not say themselves.
+        problem: the problem that the gaits belong to, or its folder, file or name; without it the names of
+            gaits are those of bundled problems.
 
     Raises:
-        GaitoptError: the folder holds something, or a file cannot be imported.
+        GaitoptError: the folder holds something, a file cannot be imported, or there is no such gait.
     """
     options = options or ImportOptions()
     check_positive("fps", options.fps)
     check_positive("scale-m-per-px", options.scale_m_per_px)
     paths = tuple(map(Path, files))
-    imported = import_files(paths, [gaits] if isinstance(gaits, str) else gaits or (), Path(out), options)
+    named = [gaits] if isinstance(gaits, str) else gaits or ()
+    known = load_problem(problem) if isinstance(problem, str) else problem
+    imported = import_files(paths, named, Path(out), options, known)
     return ImportRun(Path(out), paths, tuple(imported))

@@ -14,9 +14,9 @@ from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.core.files import found_inside, read_toml
 from gaitopt.core.validation import validated
 from gaitopt.effects.active import ActiveEffect, EffectValues, Tables, active_effects, as_tables, written
-from gaitopt.gait.gait import Gait, read_gait
+from gaitopt.gait.gait import Gait
 from gaitopt.gait.space import GaitSpace
-from gaitopt.gait.table import is_table, read_table
+from gaitopt.gait.table import is_table, read_gait_file
 from gaitopt.problem.likeness import like_another
 from gaitopt.problem.lookup import model_file, problem_file
 from gaitopt.problem.objective import Objective
@@ -206,14 +206,12 @@ class Problem:
                 f"{reference}: neither a baseline nor a gait file nor an exported table nor a run folder; "
                 f"baselines: {known}"
             )
-        if is_table(path):
-            return self.check_gait(read_table(path).gait, path, in_range)
-        if path.suffix.lower() == ".csv":
+        if path.suffix.lower() == ".csv" and not is_table(path):
             raise GaitoptError(
                 f"{path}: a CSV table, but no exported gait; allowed: a gait. Logged commands can only be "
                 "simulated, written out by `command`, and be the commands of a trial"
             )
-        return self.check_gait(read_gait(path), path, in_range)
+        return self.check_gait(read_gait_file(path), path, in_range)
 
     def with_parameters(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with some named parameters changed.

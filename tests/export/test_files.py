@@ -11,6 +11,8 @@ import pytest
 import tomli_w
 from exporting import UNHURT, table_of
 
+from gaitopt.cli.app import main
+from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.export.files import comment, export_files
 from gaitopt.export.formats import FORMATS
 from gaitopt.export.handover import Choices, Handover, prepare, write_folder
@@ -72,7 +74,29 @@ def test_the_readme_has_wiring_the_lines_to_type_and_how_to_film(wired: Problem,
         "scale bar",
         "square to the path",
         "Three repeats",
-        "gaitopt import walk.csv --sync-at S",
+        "gaitopt import walk.csv --gait gait_table.py --sync-at 2.4 --out trials",
         f"hash `{handover.table.hash}`",
     ):
         assert part in text
+
+
+@pytest.mark.parametrize("format", list(FORMATS))
+@pytest.mark.parametrize("led_pin", [None, 2])
+def test_the_import_of_the_readme_runs_as_written(
+    wired: Problem,
+    serial: Executor,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    format: str,
+    led_pin: int | None,
+) -> None:
+    handover = prepare(wired, wired.baselines["stride"], Choices(format, led_pin=led_pin), serial)
+    write_folder(tmp_path / "out", handover.files)
+    rows = "\n".join(f"{0.02 * i:.2f},{0.01 * i:.3f},0.0" for i in range(300))
+    (tmp_path / "out" / "walk.csv").write_text(f"t_s,x_m,z_m\n{rows}\n")
+    monkeypatch.chdir(tmp_path / "out")
+    (line,) = (line for line in handover.files["README.md"].splitlines() if line.startswith("gaitopt import"))
+    assert main(line.split()[1:]) == 0
+    (trial,) = load_dataset(Path("trials"), wired, ["marker.x", "marker.z"]).trials
+    assert trial.drive == wired.baselines["stride"]
+    assert trial.starts_at_s == (None if led_pin is None else -2.4)

@@ -138,7 +138,7 @@ def importer(rng: random.Random, folder: Path) -> Case:
     (folder / name).write_bytes(broken(rng, export_of(rng, program).encode()))
     gait = ["--gait", rng.choice(["stride", "square", rng.choice(NAMES[:4])])]
     said = gait if (program not in ("log", "json-lines")) == (rng.random() < 0.95) else []
-    arguments = ["import", f"./{name}", *said, "--out", "out"]
+    arguments = ["import", f"./{name}", *said, "--problem", str(STRIDER), "--out", "out"]
     for option, values in {
         "--fps": ["25", "30", "0", "-1", "nan", "1e308", "5e-324"],
         "--scale-m-per-px": ["0.001", "0", "1e308", "nan", "5e-324"],

@@ -42,7 +42,7 @@ HONEST: dict[str, Act] = {
         "command", STRIDER, "stride", "--dt", 0.1, "--duration", 1, "--out", "table.csv"
     ),
     "`new`, and `simulate` of what it made": lambda on: drafted(on),
-    "`import`": lambda on: on.run("import", on.recording(), "--gait", "stride", "--out", "out"),
+    "`import`": lambda on: on.run("import", on.recording(), "--gait", "square-1s", "--out", "out"),
     "`optimise`": honest("optimise", STRIDER, *SEARCH, "--out", "run"),
     "`optimise --executor processes`": honest(
         "optimise", STRIDER, *SEARCH, "--out", "run", "--executor", "processes"

@@ -68,7 +68,7 @@ def linked_gait(on: Ground) -> Ended:
 PLACES: dict[str, Callable[[Ground, Path], tuple[object, ...]]] = {
     "MJCF": lambda on, odd: ("simulate", odd.parent, "stride"),
     "gait": lambda on, odd: ("simulate", STRIDER, odd),
-    "recording to import": lambda on, odd: ("import", odd, "--gait", "stride", "--out", "out"),
+    "recording to import": lambda on, odd: ("import", odd, "--gait", "square-1s", "--out", "out"),
     "MJCF of `new`": lambda on, odd: ("new", "bot", "--mjcf", odd, "--out", "bot"),
 }
 

@@ -107,7 +107,7 @@ NUMBERS = {"1_000": "0.0_11", "digits of another script": "\u0660.\u0660\u0661\u
 for _title, _cell in NUMBERS.items():
 
     def odd_number(on: Ground, odd: str = _cell) -> Ended:
-        ended = on.run("import", on.recording(odd), "--gait", "stride", "--out", "out")
+        ended = on.run("import", on.recording(odd), "--gait", "square-1s", "--out", "out")
         return replace(ended, more="read as a number") if ended.code == 0 else ended
 
     ATTACKS.append(Attack(9, f"{_title} in a recording", odd_number))

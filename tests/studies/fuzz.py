@@ -171,7 +171,7 @@ def large() -> dict:
                 file.write(f"{0.001 * i:.3f},{1e-5 * i + 1e-3 * (i % 7):.5f},{2e-3 * (i % 3)}\n")
         code = "from gaitopt.cli import main; raise SystemExit(main())"
         began = time.monotonic()
-        command = [sys.executable, "-c", code, "import", path, "--gait", "stride", "--out", out]
+        command = [sys.executable, "-c", code, "import", path, "--gait", "square-1s", "--out", out]
         done = subprocess.run(command, capture_output=True, check=False)
         peak_kb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
         seconds = time.monotonic() - began

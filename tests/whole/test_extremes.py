@@ -64,7 +64,7 @@ def test_empty_and_one_line_files_are_one_line(
         "gait": ("command", STRIDER, path, "--dt", 0.1, "--duration", 1, "--out", tmp_path / "out"),
         "problem": ("model", path, "--out", tmp_path / "out"),
         "mjcf": ("model", tmp_path / "robot", "--out", tmp_path / "out"),
-        "import": ("import", path, "--gait", "stride", "--out", tmp_path / "out"),
+        "import": ("import", path, "--problem", STRIDER, "--gait", "stride", "--out", tmp_path / "out"),
     }[command]
     assert run(capsys, *arguments)[0] == 1
     assert not (tmp_path / "out").exists()

@@ -67,7 +67,7 @@ def test_a_disk_that_is_full_in_any_stage_is_one_line_and_nothing_is_lost(
     "words",
     [
         ["export", STRIDER, "stride", "--format", "c", "--out", "out"],
-        ["import", "walk.csv", "--gait", "stride", "--out", "out"],
+        ["import", "walk.csv", "--problem", STRIDER, "--gait", "stride", "--out", "out"],
         ["new", "bot", "--mjcf", STRIDER / "strider.xml", "--out", "out"],
         ["model", STRIDER, "--out", "out.xml"],
         ["command", STRIDER, "stride", "--dt", "0.01", "--duration", "9", "--out", "out.csv"],

@@ -149,14 +149,17 @@ def test_a_file_whose_name_is_no_text_is_one_line_and_leaves_nothing(tmp_path: P
     path = tmp_path / "walk\udcff.csv"
     path.write_text("t_s,x_m\n" + "\n".join(f"{0.1 * i},{i}" for i in range(30)))
     out = tmp_path / "out"
-    assert "no Unicode text" in refused(lambda: import_files([path], ["stride"], out, ImportOptions()))
+    assert "no Unicode text" in refused(lambda: import_files([path], ["square-1s"], out, ImportOptions()))
     assert not out.exists()
+
+
+GAIT = "period_s = 0.5\n[channels.a]\nduty = 0.5\nphase = 0.0\namplitude_deg = 9.0\n"
 
 
 def test_a_gait_called_as_the_data_set_itself_is_not_overwritten(tmp_path: Path) -> None:
     walk, gait = tmp_path / "walk.csv", tmp_path / "dataset.toml"
     walk.write_text("t_s,x_m\n" + "\n".join(f"{0.1 * i},{i}" for i in range(30)))
-    gait.write_text("mine")
+    gait.write_text(GAIT)
     said = refused(lambda: import_files([walk], [str(gait)], tmp_path / "out", ImportOptions()))
     assert "a data set has a file of this name" in said
     assert not (tmp_path / "out").exists()
@@ -170,21 +173,21 @@ def test_no_gait_takes_the_place_of_a_file_of_the_data_set(tmp_path: Path) -> No
     for name in ("a/gait.toml", "b/gait.toml", "a/run.csv"):
         gaits.append(str(tmp_path / name))
         (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(name)
+        (tmp_path / name).write_text(f"{GAIT}# {name}\n")
     for pair, said in ((gaits[:2], "another gait has"), (gaits[1:], "a data set has")):
         found = refused(lambda pair=pair: import_files(walks, pair, tmp_path / "out", ImportOptions()))  # type: ignore[misc]
         assert f"{said} a file of this name" in found
         assert not (tmp_path / "out").exists()
     import_files(walks, gaits[:1], tmp_path / "out", ImportOptions())
-    assert (tmp_path / "out" / "gait.toml").read_text() == "a/gait.toml"
+    assert (tmp_path / "out" / "gait.toml").read_text() == f"{GAIT}# a/gait.toml\n"
 
 
 def test_the_gait_of_a_run_is_copied_beside_a_recording(tmp_path: Path) -> None:
     (tmp_path / "walk.csv").write_text("t_s,x_m\n" + "\n".join(f"{0.1 * i},{i}" for i in range(30)))
     (tmp_path / "run").mkdir()
-    (tmp_path / "run" / "best.toml").write_text("a gait")
+    (tmp_path / "run" / "best.toml").write_text(GAIT)
     import_files([tmp_path / "walk.csv"], [str(tmp_path / "run")], tmp_path / "out", ImportOptions())
-    assert (tmp_path / "out" / "best.toml").read_text() == "a gait"
+    assert (tmp_path / "out" / "best.toml").read_text() == GAIT
     assert 'gait = "best.toml"' in (tmp_path / "out" / "dataset.toml").read_text()
 
 
@@ -340,7 +343,7 @@ def test_a_name_in_a_data_set_cannot_steer_a_terminal(tmp_path: Path, where: str
 def test_a_trial_is_not_named_after_a_file_that_steers_a_terminal(tmp_path: Path, name: str) -> None:
     walk, out = tmp_path / f"{name}.csv", tmp_path / "out"
     walk.write_text("t_s,x_m\n" + "\n".join(f"{0.1 * i},{i}" for i in range(60)))
-    assert PLAIN_NAME in refused(lambda: import_files([walk], ["stride"], out, ImportOptions()))
+    assert PLAIN_NAME in refused(lambda: import_files([walk], ["square-1s"], out, ImportOptions()))
     assert not out.exists()
 
 

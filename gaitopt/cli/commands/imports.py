@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json, say
-from gaitopt.cli.options import add_json
+from gaitopt.cli.options import GAIT, add_json
 from gaitopt.core.numbers import number
 
 
@@ -25,7 +25,13 @@ def add_options(parser: Parser) -> None:
         "--gait",
         action="append",
         metavar="GAIT",
-        help="the commanded gait, where files hold no commands; one for all of these files, or one for each",
+        help=f"the commanded gait, where files hold no commands: {GAIT}; one for all of these files, or one "
+        "for each",
+    )
+    add(
+        "--problem",
+        metavar="PROBLEM",
+        help="the problem that the gait belongs to, for the names of its gaits (default: the bundled ones)",
     )
     add(
         "--command",
@@ -111,7 +117,7 @@ def run(options: Options) -> None:
         counts_per_turn=options.counts_per_turn,
         full_scale_deg=dict(options.full_scale_deg),
     )
-    done = import_recordings(options.files, options.gait, options.out, unsaid)
+    done = import_recordings(options.files, options.gait, options.out, unsaid, options.problem)
     if options.json:
         print_json(done.to_dict())
         return

@@ -114,14 +114,16 @@ def _signals(source: object, head: Iterable[str], commanded: bool) -> _Owned:
         commanded: whether it holds commands. Then a column ``angle_rad`` is that of an unnamed servo, and not
             that of a joint called angle.
     """
-    owned = []
+    owned, bare = [], []
     for name in head:
         stem, unit = _parts(name)
         axis = name.rpartition("_")[0].removeprefix("marker.")
         match = _MEASURED.fullmatch(stem)
         if _COMMANDED.fullmatch(stem):
             continue
-        if marker_signal(axis) in MARKER:
+        if marker_signal(name.removeprefix("marker.")) in MARKER:
+            bare.append((marker_signal(name.removeprefix("marker.")), Column(name, None)))
+        elif marker_signal(axis) in MARKER:
             suffix_scale(source, "column", name, LENGTH)
             owned.append((marker_signal(axis), Column(name, unit)))
         elif unit is not None and _SIGNAL.fullmatch(stem) and stem.startswith("site."):
@@ -132,7 +134,7 @@ def _signals(source: object, head: Iterable[str], commanded: bool) -> _Owned:
             owned.append(("", Column(name, unit)))
         elif unit in (*ANGLE, COUNTS):
             owned.append((joint_signal(stem), Column(name, unit)))
-    return _with_units(owned)
+    return _with_units(owned) or bare
 
 
 def _with_units(owned: _Owned) -> _Owned:

@@ -21,8 +21,8 @@ from gaitopt.diagnose.record.starts import shared_starts
 from gaitopt.diagnose.record.tables import TextTable, read_csv
 from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.gait.drive import Drive
-from gaitopt.gait.gait import read_gait
 from gaitopt.gait.logged import SAMPLES_PER_BLOCK, LoggedCommands
+from gaitopt.gait.table import read_gait_file
 from gaitopt.problem.problem import Problem
 from gaitopt.robot.signals import is_position, kind_of, site_of, site_signals
 
@@ -31,7 +31,7 @@ DATASET_FILE = "dataset.toml"
 _KINDS = ("marker", "joint", "site")
 """Kinds of signals that can be measured."""
 
-_WHOLE_CYCLES = 2
+WHOLE_CYCLES = 2
 """A trial of a gait has at least this many cycles, so that differences between them can be seen."""
 
 _Finite = Annotated[float, Field(allow_inf_nan=False), PLAIN_NUMBER]
@@ -57,7 +57,7 @@ class TrialFile(BaseModel):
 
     Attributes:
         name: what reports call the trial.
-        gait: a baseline's name, or a gait file in the data set's folder.
+        gait: a baseline's name, or a gait file or an exported table in the data set's folder.
         commands: a log of commands in the same folder (see `read_commands`). It may be the recording's file.
         channels: column of each channel in that log, where it is not called after the channel.
         file: CSV file in the same folder.
@@ -193,7 +193,7 @@ def _drive(entry: TrialFile, path: Path, problem: Problem, source: str) -> Drive
         known = [*problem.baselines, "a gait file beside the data set's"]
         raise unknown_name(source, "gait", reference, known)
     file = _beside(path, reference, f"{source}: gait")
-    return problem.check_gait(read_gait(file), file)
+    return problem.check_gait(read_gait_file(file), file)
 
 
 def _beside(path: Path, name: str, key: str) -> Path:
@@ -229,7 +229,7 @@ def _check_length(time: Series, source: str, column: str, drive: Drive) -> None:
         if (steps > 0.0).sum() < SAMPLES_PER_BLOCK - 1:
             raise GaitoptError(f"{source}: found {len(time)} samples; allowed: {SAMPLES_PER_BLOCK} or more")
         return
-    if time[-1] - time[0] + frame < _WHOLE_CYCLES * period * (1.0 - 1e-9):
+    if time[-1] - time[0] + frame < WHOLE_CYCLES * period * (1.0 - 1e-9):
         raise GaitoptError(f"{source}: {time[-1] - time[0]:.4g} s are fewer than two cycles of {period:g} s")
     if frame > period / SAMPLES_PER_BLOCK:
         raise GaitoptError(

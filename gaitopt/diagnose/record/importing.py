@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,19 +11,22 @@ import tomli_w
 from numpy.typing import ArrayLike
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.files import csv_text, found_inside, read_bytes, write_bytes, write_text
+from gaitopt.core.files import csv_text, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.core.validation import validated
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.columns import PULSE
-from gaitopt.diagnose.record.dataset import DATASET_FILE, DataSetFile
+from gaitopt.diagnose.record.commanded import Commanded, commanded
+from gaitopt.diagnose.record.dataset import DATASET_FILE, WHOLE_CYCLES, DataSetFile
 from gaitopt.diagnose.record.defect import Defect
 from gaitopt.diagnose.record.export import Export, ImportOptions, Motion, Sent
 from gaitopt.diagnose.record.importers import IMPORTERS
 from gaitopt.diagnose.record.lerobot import INFO, is_lerobot
 from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.gait.calibration import Calibration
+from gaitopt.gait.drive import Drive
 from gaitopt.gait.logged import LoggedCommands
+from gaitopt.problem.problem import Problem
 from gaitopt.robot.signals import measured_column_of, unit_of
 
 
@@ -58,6 +61,27 @@ class Imported:
 
 
 @dataclass(frozen=True)
+class Recording:
+    """One recording as it was read.
+
+    Attributes:
+        source: the file or folder that it came from.
+        program: the program or format.
+        motion: what is in it.
+    """
+
+    source: Path
+    program: str
+    motion: Motion
+
+    @property
+    def trial(self) -> Trial:
+        """The recording as a trial whose commands are not known."""
+        motion = self.motion
+        return Trial.of(motion.name or self.source.stem, UnknownDrive(), motion.time, motion.signals)
+
+
+@dataclass(frozen=True)
 class UnknownDrive:
     """Unknown commands of an export; only a block length is assumed, to judge defects."""
 
@@ -80,7 +104,12 @@ def import_file(path: Path, options: ImportOptions) -> Imported:
 
 
 def import_path(path: Path, options: ImportOptions) -> list[Imported]:
-    """Return the recordings in an export, a log or a LeRobot data set.
+    """Return the recordings in an export, a log or a LeRobot data set; see `read_path`."""
+    return [_imported(recording, UnknownDrive()) for recording in read_path(path, options)]
+
+
+def read_path(path: Path, options: ImportOptions) -> list[Recording]:
+    """Return the recordings in an export, a log or a LeRobot data set, as they are read.
 
     Raises:
         GaitoptError: it is of no format of `IMPORTERS`, or an option that it needs is missing.
@@ -105,18 +134,25 @@ def import_path(path: Path, options: ImportOptions) -> list[Imported]:
         )
     read = importer.read(export)
     motions = [read] if isinstance(read, Motion) else read
-    return [_checked(path, importer.program, motion) for motion in motions]
+    recordings = [Recording(path, importer.program, motion) for motion in motions]
+    for recording in recordings:
+        _check_time(recording)
+    return recordings
 
 
-def _checked(path: Path, program: str, motion: Motion) -> Imported:
-    """Return a recording with what is wrong with it."""
-    trial = Trial.of(motion.name or path.stem, UnknownDrive(), motion.time, motion.signals)
-    _check_time(path, trial)
+def _imported(recording: Recording, drive: Drive) -> Imported:
+    """Return a recording with what is wrong with it, under the gait that was commanded if it holds none."""
+    motion, trial = recording.motion, recording.trial
     if motion.sent is not None:
         log = _log_of(motion.sent)
         trial = replace(trial, drive=log, starts_at_s=-log.first_s)
+    elif drive.period_s is not None and np.ptp(trial.time) >= WHOLE_CYCLES * drive.period_s:
+        trial = replace(trial, drive=drive)
     defects = (*motion.defects, *clean(trial).defects)
-    return Imported(trial.name, path, program, trial.time, trial.signals, defects, motion.sent, motion.zero_s)
+    return Imported(
+        trial.name, recording.source, recording.program, trial.time, trial.signals, defects, motion.sent,
+        motion.zero_s,
+    )  # fmt: skip
 
 
 def _log_of(sent: Sent) -> LoggedCommands:
@@ -131,7 +167,8 @@ def _log_of(sent: Sent) -> LoggedCommands:
     return LoggedCommands.of(list(sent.columns), sent.time, np.stack(angles, axis=-1))
 
 
-def _check_time(path: Path, trial: Trial) -> None:
+def _check_time(recording: Recording) -> None:
+    path, trial = recording.source, recording.trial
     if np.isnan(trial.time).any():
         raise GaitoptError(f"{path}: {int(np.isnan(trial.time).sum())} time stamps are missing")
     backward = np.flatnonzero(np.diff(trial.time) < 0.0)
@@ -142,29 +179,37 @@ def _check_time(path: Path, trial: Trial) -> None:
 
 
 def import_files(
-    files: Sequence[Path], gaits: Sequence[str], folder: Path, options: ImportOptions
+    files: Sequence[Path],
+    gaits: Sequence[str],
+    folder: Path,
+    options: ImportOptions,
+    problem: Problem | None = None,
 ) -> list[Imported]:
     """Write a data set of some files; nothing is written unless all of them can be read.
 
     Args:
         files: exports and logs, each a trial named after its file, and LeRobot data sets, a trial an episode.
-        gaits: what was commanded where a file does not say it: one name or gait file for all of these files,
-            or one for each.
+        gaits: what was commanded where a file does not say it: one for all of these files, or one for each;
+            see `commanded`.
         folder: the new data set.
         options: what the files do not say themselves.
+        problem: the problem that the gaits are checked with, if it is known.
 
     Raises:
-        GaitoptError: the folder is not empty, a file cannot be imported, or a gait is missing or too many.
+        GaitoptError: the folder is not empty, a file cannot be imported, or a gait is wrong, missing or too
+            many.
     """
     check_new_or_empty(folder)
-    imported = [recording for path in files for recording in import_path(path, options)]
-    each = _gait_of_each(imported, gaits, options)
+    read = [recording for path in files for recording in read_path(path, options)]
+    each = _gait_of_each(read, gaits, options, problem)
+    drives: list[Drive] = [UnknownDrive() if gait is None else gait.gait for gait in each]
+    imported = [_imported(recording, drive) for recording, drive in zip(read, drives, strict=True)]
     _check_names(imported)
     taken = {DATASET_FILE, *(f"{name}.csv" for recording in imported for name in _tables_of(recording))}
     entries = []
     with filling(folder):
         for recording, gait in zip(imported, each, strict=True):
-            beside = None if gait is None else _gait_beside(folder, gait, taken)
+            beside = None if gait is None else gait.beside(folder, taken)
             entries.append(_write_trial(folder, recording, beside, options))
         content = {"trial": entries}
         write_text(folder / DATASET_FILE, tomli_w.dumps(content))
@@ -173,10 +218,10 @@ def import_files(
 
 
 def _gait_of_each(
-    imported: Sequence[Imported], gaits: Sequence[str], options: ImportOptions
-) -> list[str | None]:
+    recordings: Sequence[Recording], gaits: Sequence[str], options: ImportOptions, problem: Problem | None
+) -> list[Commanded | None]:
     """Return the gait of each recording; None for those that hold their commands."""
-    silent = [recording for recording in imported if recording.sent is None]
+    silent = [recording for recording in recordings if recording.motion.sent is None]
     if silent and not gaits:
         raise GaitoptError(
             f"{silent[0].source}: holds no commands, such as target.NAME_rad; say what was commanded: "
@@ -184,14 +229,15 @@ def _gait_of_each(
         )
     if gaits and not silent:
         raise GaitoptError("--gait: found one, and every file holds its commands; allowed: none")
-    if options.sync_at_s is not None and len(silent) < len(imported):
+    if options.sync_at_s is not None and len(silent) < len(recordings):
         raise GaitoptError(
             "--sync-at: found one for a log of commands, which has their clock; allowed: for gaits"
         )
     if silent and len(gaits) not in (1, len(silent)):
         raise GaitoptError(f"--gait: found {len(gaits)} for {len(silent)} files; allowed: one, or one each")
+    found = {gait: commanded(gait, problem) for gait in gaits}
     own = iter(list(gaits) * len(silent) if len(gaits) == 1 else gaits)
-    return [next(own) if recording.sent is None else None for recording in imported]
+    return [found[next(own)] if recording.motion.sent is None else None for recording in recordings]
 
 
 def _check_names(imported: Sequence[Imported]) -> None:
@@ -204,27 +250,6 @@ def _check_names(imported: Sequence[Imported]) -> None:
 def _tables_of(recording: Imported) -> list[str]:
     """Return the names of a trial's tables, without their suffix."""
     return [recording.name, *([f"{recording.name}-commands"] if recording.sent else [])]
-
-
-def _gait_beside(folder: Path, gait: str, taken: Collection[str]) -> str:
-    """Copy a gait file, or the best gait of a run, into the data set's folder; return the name to refer to.
-
-    Args:
-        folder: the data set.
-        gait: a file, a run folder, or a name that the problem knows.
-        taken: names of the data set's own files.
-    """
-    best = found_inside(Path(gait), "best.toml") if Path(gait).is_dir() else None
-    path = best or Path(gait)
-    if not path.is_file():
-        return gait
-    if path.name in taken:
-        raise GaitoptError(f"--gait: {path}: a data set has a file of this name; rename the gait's")
-    data, copy = read_bytes(path), folder / path.name
-    if copy.exists() and read_bytes(copy) != data:
-        raise GaitoptError(f"--gait: {path}: another gait has a file of this name; rename one")
-    write_bytes(copy, data)
-    return path.name
 
 
 def _write_trial(

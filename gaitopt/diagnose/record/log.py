@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.record.columns import Chosen, chosen_columns
 from gaitopt.diagnose.record.defect import Defect
-from gaitopt.diagnose.record.export import ImportOptions, Motion, Sent
+from gaitopt.diagnose.record.export import VIEWS, ImportOptions, Motion, Sent
 from gaitopt.diagnose.record.log_rows import LogRows
 from gaitopt.diagnose.record.log_time import forward_clock, log_seconds
 from gaitopt.diagnose.record.log_units import LogUnits
 from gaitopt.diagnose.record.tables import MOST_CELLS
 from gaitopt.diagnose.record.trial import Flags, Series
-from gaitopt.robot.signals import is_position
+from gaitopt.robot.signals import MARKER, is_position, marker_signal
 
 _SHOWN = 20
 """Columns that a message lists."""
@@ -59,6 +59,7 @@ class Log:
             GaitoptError: a column, unit or time stamp is missing or wrong, or nothing was measured.
         """
         chosen = chosen_columns(self.path, self.head, options.commands, options.signals)
+        chosen, turned = self._seen_from(chosen, options)
         self._check_size(chosen)
         time, zero_s, defects = self._clock(chosen, options)
         units = LogUnits(self.path, options)
@@ -66,12 +67,28 @@ class Log:
         commands = dict(units.command(n, c, self.column(c.name)) for n, c in chosen.commands.items())
         rows, late = self._rows(chosen, signals, commands).begun(self.path, self.name, time)
         seen = {name: series[rows.seen] for name, series in signals.items()}
-        defects += [late] if late else []
+        defects += [*turned, *([late] if late else [])]
         if not commands:
             return Motion(time[rows.seen], seen, defects, self.name, None, zero_s)
         last = rows.sent(time)
         held = {name: rows.held(name, series)[last] for name, series in commands.items()}
         return Motion(time[rows.seen], seen, defects, self.name, Sent(time[last], held), zero_s)
+
+    def _seen_from(self, chosen: Chosen, options: ImportOptions) -> tuple[Chosen, list[Defect]]:
+        """Return the columns with ``y`` as the height, where it is the picture's second axis, and a note."""
+        across, up = VIEWS[options.view]
+        second = marker_signal("y")
+        axes = [name for name in chosen.signals if name in MARKER]
+        named = chosen.signals.get(second)
+        if axes != [across, second] or up == second or second in options.signals or named is None:
+            return chosen, []
+        if named.name.startswith(second):
+            return chosen, []
+        signals = {up if name == second else name: column for name, column in chosen.signals.items()}
+        message = (
+            f"{named.name} is taken for the height, as in a picture from the side; from above: --view top"
+        )
+        return Chosen(chosen.commands, signals), [Defect("side_view", self.name, message)]
 
     def _check_size(self, chosen: Chosen) -> None:
         """Check that something was measured, and that not too much was."""

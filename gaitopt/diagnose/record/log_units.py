@@ -94,9 +94,10 @@ class LogUnits:
 
     def _known(self, column: Column, unit: str | None, option: str, allowed: Iterable[str]) -> str:
         if unit is None:
-            listed = ", ".join(allowed)
+            units = list(allowed)
             raise GaitoptError(
-                f"{self.path}: {column.name}: its unit is not known; say it: {option} {listed}"
+                f"{self.path}: {column.name}: its unit is not known; say it: {option} {', '.join(units)}; "
+                f"for example, add {option} {'mm' if 'mm' in units else 'deg'}"
             )
         if unit not in allowed:
             raise bad_value(self.path, column.name, unit, f"the unit {', '.join(allowed)}", allowed)

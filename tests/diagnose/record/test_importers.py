@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import STRIDER
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.record.export import ImportOptions
 from gaitopt.diagnose.record.importing import import_file, import_files
+from gaitopt.problem.problem import load_problem
 
 COUNT = 12
 TIME = np.arange(COUNT) / 25.0
@@ -177,4 +179,87 @@ def test_nothing_is_overwritten_or_left_half_written(tmp_path: Path) -> None:
 def test_one_gait_or_one_each(tmp_path: Path) -> None:
     file = written(tmp_path, tracker_txt())
     with pytest.raises(GaitoptError, match="found 2 for 1 files"):
-        import_files([file], ["a", "b"], tmp_path / "out", ImportOptions())
+        import_files([file], ["square-1s", "square-2s"], tmp_path / "out", ImportOptions())
+
+
+def tiny_gait(period_s: float) -> str:
+    """A gait file of one servo."""
+    return f"period_s = {period_s}\n[channels.a]\nduty = 0.5\nphase = 0.0\namplitude_deg = 9.0\n"
+
+
+def test_a_gait_that_does_not_exist_is_refused_at_once(tmp_path: Path) -> None:
+    file, out = written(tmp_path, tracker_txt()), tmp_path / "trials"
+    (tmp_path / "unfinished").mkdir()
+    for gait, problem, said in (
+        ("sqare-1s", None, "--gait: found 'sqare-1s'; allowed: a run folder, a gait file, an exported table"),
+        ("sqare-1s", None, "(nearest: 'square-1s'), or a gait of another problem with --problem PROBLEM"),
+        ("square-1s", load_problem(STRIDER), "baselines: stride, square"),
+        (str(tmp_path / "unfinished"), None, "is not a finished run folder"),
+        (str(file), None, f"{file}: "),
+    ):
+        with pytest.raises(GaitoptError) as caught:
+            import_files([file], [gait], out, ImportOptions(), problem)
+        assert said in str(caught.value)
+        assert not out.exists()
+
+
+def test_a_gait_is_checked_with_its_problem(tmp_path: Path) -> None:
+    file, gait = written(tmp_path, tracker_txt()), written(tmp_path, tiny_gait(0.1), "mine.toml")
+    with pytest.raises(GaitoptError, match="unknown channel 'a'"):
+        import_files([file], [str(gait)], tmp_path / "out", ImportOptions(), load_problem(STRIDER))
+
+
+def test_the_best_gaits_of_two_runs_are_two_files(tmp_path: Path) -> None:
+    files = [written(tmp_path, tracker_txt(), name) for name in ("a.txt", "b.txt")]
+    runs = [tmp_path / "fast", tmp_path / "slow"]
+    for period_s, run in zip((0.1, 0.2), runs, strict=True):
+        run.mkdir()
+        (run / "best.toml").write_text(tiny_gait(period_s))
+    out = tmp_path / "trials"
+    import_files(files, list(map(str, runs)), out, ImportOptions())
+    trials = tomllib.loads((out / "dataset.toml").read_text())["trial"]
+    assert [trial["gait"] for trial in trials] == ["best.toml", "slow-best.toml"]
+    assert (out / "slow-best.toml").read_text() == tiny_gait(0.2)
+
+
+def test_what_recurs_with_the_gait_is_no_outlier(tmp_path: Path) -> None:
+    """A marker that kicks up once a cycle: without the period each kick is an outlier."""
+    time = np.arange(0.0, 12.0, 1.0 / 60.0)
+    phase = time % 1.0
+    height = 0.05 * ((phase > 0.5) & (phase < 0.53)) + 1e-4 * np.sin(40.0 * time)
+    rows = [f"{t:.5f},{0.02 * t:.6f},{z:.6f}" for t, z in zip(time, height, strict=True)]
+    file = written(tmp_path, "\n".join(["t_s,x_m,z_m", *rows]))
+    alone = import_file(file, ImportOptions())
+    assert "marker_outliers" in {defect.name for defect in alone.defects}
+    (known,) = import_files([file], ["square-1s"], tmp_path / "trials", ImportOptions())
+    assert "marker_outliers" not in {defect.name for defect in known.defects}
+
+
+def test_columns_without_a_unit_are_asked_for_with_the_option_to_add(tmp_path: Path) -> None:
+    rows = "\n".join(f"{t},{1e3 * x},{1e3 * y}" for t, x, y in zip(TIME, X, Y, strict=True))
+    file = written(tmp_path, f"t,x,y\n{rows}\n")
+    with pytest.raises(
+        GaitoptError, match=r"x: its unit is not known; .*; for example, add --length-unit mm"
+    ):
+        import_file(file, ImportOptions())
+    motion = import_file(file, ImportOptions(length_unit="mm"))
+    np.testing.assert_allclose(motion.signals["marker.x"], X)
+    np.testing.assert_allclose(motion.signals["marker.z"], Y)
+
+
+@pytest.mark.parametrize(
+    ("head", "view", "signals", "said"),
+    [
+        ("t_s,x_m,y_m", "side", ["marker.x", "marker.z"], True),
+        ("t_s,x_m,y_m", "top", ["marker.x", "marker.y"], False),
+        ("t_s,marker.x_m,marker.y_m", "side", ["marker.x", "marker.y"], False),
+        ("t_s,x_m,z_m", "side", ["marker.x", "marker.z"], False),
+    ],
+)
+def test_y_of_a_side_view_is_the_height(
+    tmp_path: Path, head: str, view: str, signals: list[str], said: bool
+) -> None:
+    rows = "\n".join(f"{t},{x},{y}" for t, x, y in zip(TIME, X, Y, strict=True))
+    motion = import_file(written(tmp_path, f"{head}\n{rows}\n"), ImportOptions(view=view))
+    assert list(motion.signals) == signals
+    assert ("side_view" in {defect.name for defect in motion.defects}) == said

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rigs
+from helpers import STRIDER
 from hostility import refused, run
 from servologs import followed, targets
 
@@ -84,7 +85,7 @@ def test_a_clock_that_counts_from_1970_is_read_again(tmp_path: Path, rig: Proble
 def test_films_and_logs_in_one_data_set(tmp_path: Path) -> None:
     out = tmp_path / "trials"
     files = [film(tmp_path / "walk.txt"), bench(tmp_path / "up.csv"), film(tmp_path / "trot.txt")]
-    arguments = ["import", *files, "--out", out, "--gait", "stride", "--gait", "square"]
+    arguments = ["import", *files, "--out", out, "--problem", STRIDER, "--gait", "stride", "--gait", "square"]
     mixed = [str(argument) for argument in arguments]
     assert cli.main([*mixed, "--command", "a=target_rad"]) == 1
     columns = bench(tmp_path / "up.csv").read_text().replace("target_rad", "cmd.a_rad")
