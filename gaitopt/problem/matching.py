@@ -46,10 +46,13 @@ def _check_actuators(model: mujoco.MjModel, problem: Problem) -> None:
 
 
 def _check_roles(model: mujoco.MjModel, problem: Problem) -> None:
-    """Check that the model has the sites, geoms and joints of the roles."""
+    """Check that the model has the sites, geoms and joints of the roles, and the sites of the tags."""
     source, roles = problem.source, problem.roles
     marker = [roles.marker] if roles.marker else []
-    _check_names(source, "roles.marker", "site", marker, _names(model, "site", model.nsite))
+    sites = _names(model, "site", model.nsite)
+    _check_names(source, "roles.marker", "site", marker, sites)
+    for number, tag in problem.file.tags.items():
+        _check_names(source, f"tags.{number}.site", "site", [tag.site] if tag.site else [], sites)
     geoms = _names(model, "geom", model.ngeom)
     _check_names(source, "roles.pads", "geom", roles.pads, geoms)
     _check_names(source, "roles.body", "geom", roles.body, geoms)

@@ -22,6 +22,7 @@ from gaitopt.problem.fields import (
     check_ordered,
 )
 from gaitopt.problem.objective import Objective
+from gaitopt.problem.tags import TagTables
 from gaitopt.problem.tolerances import Tolerances, with_moved_tolerances
 from gaitopt.robot.roles import Roles
 
@@ -253,6 +254,7 @@ class ProblemFile(FileRecord):
     scenarios: Scenarios = Scenarios()
     tolerances: Tolerances = Tolerances()
     effects: dict[str, EffectTables] = Field(default_factory=dict)
+    tags: TagTables = Field(default_factory=dict)
     objective: Objective | None = None
     planar: Planar | None = None
 

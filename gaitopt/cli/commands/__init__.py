@@ -23,6 +23,7 @@ from gaitopt.cli.commands import (
     plan,
     simulate,
     sweep,
+    tags,
 )
 
 COMMANDS: Sequence[Command] = (
@@ -39,6 +40,7 @@ COMMANDS: Sequence[Command] = (
     correct.COMMAND,
     blind.COMMAND,
     imports.COMMAND,
+    tags.COMMAND,
     export.COMMAND,
     new.COMMAND,
     demo.COMMAND,

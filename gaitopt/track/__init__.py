@@ -1,0 +1,1 @@
+"""Films of tagged robots: seen, located and turned into recordings."""
