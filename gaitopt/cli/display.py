@@ -137,13 +137,19 @@ def _plus_minus(value: float | None, ends: Sequence[float] | None, scale: float,
 def print_effects(rows: Sequence[EffectRow]) -> None:
     """Print the library of effects, one after another: their figures do not fit side by side."""
     for row in rows:
-        say(f"{row.name}: {row.meaning}")
-        say(f"    {_effect_figures(row)}")
+        if row.applies is not False:
+            say(f"{row.name}: {row.meaning}")
+            say(f"    {_effect_figures(row)}")
+    idle: dict[str, list[str]] = {}
+    for row in rows:
+        if row.applies is False:
+            idle.setdefault(row.why_not or "", []).append(row.name)
+    if idle:
+        reasons = "; ".join(f"{', '.join(names)} ({why})" for why, names in idle.items())
+        say(f"These do not apply: {reasons}")
 
 
 def _effect_figures(row: EffectRow) -> str:
-    if row.applies is False:
-        return f"does not apply: {row.why_not}"
     unit = f" ({row.unit})" if row.unit else ""
     low, high = row.bounds
     times = f" times {row.bounds_times}" if row.bounds_times else ""

@@ -172,7 +172,8 @@ class RobotEffects:
         return RobotEffects(tuple(changing), nominal)
 
     def _parts(self, active: ActiveEffect, model: mujoco.MjModel | None = None) -> Parts:
-        return replace(self.nominal, target=active.target, model=model or self.nominal.model)
+        parts = replace(self.nominal, target=active.target, model=model or self.nominal.model)
+        return active.effect.acting(parts)
 
     def restructure(self, spec: mujoco.MjSpec) -> None:
         """Add the parts that the effects need to a nominal robot's specification."""

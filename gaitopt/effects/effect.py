@@ -16,14 +16,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.effects.parts import Figure, Parts
+from gaitopt.effects.parts import ALL, Figure, Parts
 from gaitopt.effects.prior import Prior
 from gaitopt.gait.drive import Commands
 from gaitopt.robot.roles import Roles
@@ -96,10 +96,11 @@ class Effect:
         shifts_start: whether it only shifts the start of the recording; where that start is unknown, the
             diagnosis fits it in every trial as a nuisance.
         of_clock: whether it is an error of the recording's clock; logged commands may share that clock.
-        of_free_robot: whether it is the cause of a gap only where the first module moves freely: on a bench,
+        of_free_robot: whether it is the cause of a gap only where the trunk moves freely: on a bench,
             it would stand for another error of the arm.
         unusual: minus twice the logarithm of the odds that it is at work, beside other effects: it is named
             only where none of these does the same.
+        on_joints: whether it acts on actuators that turn a joint, and on no others of its target.
         rough: whether the response jumps, or is left to chance, where the parameter changes smoothly: slopes
             mislead a fit of many effects.
         structure, model, commands, loop, observe: the hooks; None where it does not use one.
@@ -127,6 +128,7 @@ class Effect:
     of_clock: bool = False
     of_free_robot: bool = False
     unusual: float = 0.0
+    on_joints: bool = False
     rough: bool = False
     structure: Structure | None = None
     model: Edit | None = None
@@ -146,24 +148,33 @@ class Effect:
 
     def neutral_value(self, nominal: Parts) -> float:
         """Return the value that changes nothing on a robot."""
-        return self.neutral(nominal) if callable(self.neutral) else self.neutral
+        return self.neutral(self.acting(nominal)) if callable(self.neutral) else self.neutral
+
+    def acting(self, parts: Parts) -> Parts:
+        """Return the parts of a robot that it acts on: of its target, the actuators that it is meant for."""
+        return replace(parts, on_joints=True) if self.on_joints else parts
 
     def bounds(self, nominal: Parts) -> tuple[float, float]:
         """Return the searched range on a robot, in the parameter's unit."""
-        reference, plausible = self.reference(nominal), self.plausible(nominal)
+        reference, plausible = self.reference(self.acting(nominal)), self.plausible(nominal)
         return plausible.low * reference, plausible.high * reference
 
     def plausible(self, nominal: Parts) -> Plausible:
         """Return the range and the prior on a robot, in multiples of `reference`."""
-        return self.otherwise(nominal) or Plausible(self.low, self.high, self.prior)
+        return self.otherwise(self.acting(nominal)) or Plausible(self.low, self.high, self.prior)
 
     def log_prior(self, value: float, nominal: Parts) -> float:
         """Return the logarithm of the prior density on a robot, up to a constant."""
-        return self.plausible(nominal).prior.log_density(value, self.reference(nominal))
+        return self.plausible(nominal).prior.log_density(value, self.reference(self.acting(nominal)))
 
     def why_not(self, nominal: Parts) -> str | None:
         """Return why the effect does not apply to a robot, or None where it does."""
-        return self.missing_role(nominal.roles) or self.missing(nominal)
+        acting = self.acting(nominal)
+        if self.on_joints and not acting.servos:
+            return (
+                "no actuator turns a joint" if nominal.target == ALL else "its actuator does not turn a joint"
+            )
+        return self.missing_role(nominal.roles) or self.missing(acting)
 
     def missing_role(self, roles: Roles) -> str | None:
         """Return that the role it acts on is empty, or None."""

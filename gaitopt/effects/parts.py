@@ -10,13 +10,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.robot.contact import can_touch
 from gaitopt.robot.roles import Roles
+from gaitopt.robot.tree import driven_joints, robot_roots, surroundings, trunk
 
 ALL = "all"
 """The target that stands for every actuator."""
-
-FIRST_BODY = 1
-"""The first body under the world: the first module."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +27,14 @@ class Parts:
         roles: the problem's roles.
         channels: the problem's actuators, which come first in the model.
         target: one of the channels, or `ALL`.
+        on_joints: whether the target leaves out actuators that do not turn a joint.
     """
 
     model: mujoco.MjModel
     roles: Roles
     channels: Sequence[str]
     target: str = ALL
+    on_joints: bool = False
 
     @property
     def step_s(self) -> float:
@@ -43,14 +44,17 @@ class Parts:
     @property
     def servos(self) -> list[int]:
         """Actuator ids of the target, which are also its columns in a command."""
-        return [i for i, name in enumerate(self.channels) if self.target in (ALL, name)]
+        found = [i for i, name in enumerate(self.channels) if self.target in (ALL, name)]
+        return [i for i in found if self._joint_of(i) >= 0] if self.on_joints else found
 
     @cached_property
     def servo_joints(self) -> list[int]:
         """Joint ids that the target's actuators turn; -1 for another transmission."""
-        joint = int(mujoco.mjtTrn.mjTRN_JOINT)
-        types, ids = self.model.actuator_trntype, self.model.actuator_trnid
-        return [int(ids[i, 0]) if int(types[i]) == joint else -1 for i in self.servos]
+        return [self._joint_of(i) for i in self.servos]
+
+    def _joint_of(self, actuator: int) -> int:
+        joint = int(self.model.actuator_trntype[actuator]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        return int(self.model.actuator_trnid[actuator, 0]) if joint else -1
 
     @cached_property
     def servo_dofs(self) -> list[int]:
@@ -59,9 +63,9 @@ class Parts:
 
     @property
     def on_bench(self) -> bool:
-        """Whether the first body turns only as servos turn it."""
-        first = int(self.model.body_jntadr[FIRST_BODY])
-        joints = set(range(first, first + int(self.model.body_jntnum[FIRST_BODY])))
+        """Whether the trunk turns only as servos turn it."""
+        first = int(self.model.body_jntadr[self.trunk])
+        joints = set(range(first, first + int(self.model.body_jntnum[self.trunk])))
         return joints <= set(Parts(self.model, self.roles, self.channels).servo_joints)
 
     @cached_property
@@ -72,8 +76,31 @@ class Parts:
     @cached_property
     def undriven_hinges(self) -> list[int]:
         """Joint ids of the passive hinges that no actuator turns as well."""
-        driven = Parts(self.model, self.roles, self.channels).servo_joints
+        driven = {joint for i in range(len(self.channels)) for joint in driven_joints(self.model, i)}
         return [j for j in self.hinges if j not in driven]
+
+    @cached_property
+    def trunk(self) -> int:
+        """Id of the body that carries the robot: that of the role, or the root of what the actuators move."""
+        named = self.roles.trunk
+        return trunk(self.model, self.named_bodies) if named is None else int(self.model.body(named).id)
+
+    @property
+    def named_bodies(self) -> list[int]:
+        """Ids of the bodies that carry the trunk, the marker and the pads of the roles."""
+        roles, model = self.roles, self.model
+        trunk = [] if roles.trunk is None else [int(model.body(roles.trunk).id)]
+        marker = [] if roles.marker is None else [int(model.site(roles.marker).bodyid[0])]
+        return [*trunk, *marker, *(int(model.geom_bodyid[pad]) for pad in self.pads)]
+
+    @property
+    def surroundings(self) -> list[int]:
+        """Geom ids of what is not the robot: the ground, obstacles, and what lies loose."""
+        return surroundings(self.model, self.named_bodies)
+
+    def touches_ground(self, geom: int) -> bool:
+        """Return whether a geom collides with anything around the robot."""
+        return any(can_touch(self.model, geom, other) for other in self.surroundings)
 
     @cached_property
     def pads(self) -> list[int]:
@@ -92,12 +119,14 @@ class Parts:
 
     @property
     def mass(self) -> float:
-        """Mass of the first body under the world with all that it carries, kg."""
-        return float(self.model.body_subtreemass[FIRST_BODY])
+        """Mass of the robot, kg, without what is around it."""
+        return sum(
+            float(self.model.body_subtreemass[root]) for root in robot_roots(self.model, self.named_bodies)
+        )
 
     @property
     def weight(self) -> float:
-        """Weight of the same, N."""
+        """Weight of the robot, N."""
         return self.mass * float(np.linalg.norm(self.model.opt.gravity))
 
     @property

@@ -7,17 +7,25 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
 
 import mujoco
+import numpy as np
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.kept import Kept
 from gaitopt.effects.active import RobotEffects
-from gaitopt.effects.added import is_added, transferred
+from gaitopt.effects.added import added_name, is_added, transferred
 from gaitopt.effects.parts import Parts
 from gaitopt.problem.mjcf import spec_of
 from gaitopt.problem.model import assets_for, build_model, compile_for, content_of, nominal_mjcf
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.start import START
 from gaitopt.robot.signals import AXES, MARKER, joint_signal, kind_of, site_signals
+from gaitopt.robot.tree import has_obstacles
+
+CONTACTS_WITHIN = "contacts_within"
+"""Raw signal: the number of contacts between the robot's own parts, where there are obstacles."""
+
+_LEVEL = added_name("level", "trunk")
+"""A site on a trunk that is drawn turned, which is level then."""
 
 SITE_POSITION, SITE_TURN = "site_position", "site_turn"
 """Kinds of raw signals of a site: coordinates in the world, m, and a quaternion; see `simulation.sites`."""
@@ -38,15 +46,11 @@ def instruments(problem: Problem, model: mujoco.MjModel) -> list[Instrument]:
     found = [] if marker is None else [Instrument("framepos", {"objtype": "site", "objname": marker}, MARKER)]
     found += [
         Instrument(
-            "framequat",
-            {"objtype": "xbody", "objname": model.body(1).name},
-            ("heading.w", "heading.x", "heading.y", "heading.z"),
+            "framequat", _heading_of(problem, model), ("heading.w", "heading.x", "heading.y", "heading.z")
         ),
-        Instrument(
-            "contact", {"body2": "world", "reduce": "mindist", "data": "found dist"}, ("contacts", "depth")
-        ),
-        Instrument("contact", {"data": "found"}, ("contacts_all",)),
+        *_contact_counters(problem, model),
     ]
+    among = {} if _has_obstacles(problem, model) else {"body2": "world"}
     for name in problem.channel_names:
         found.append(Instrument("actuatorpos", {"actuator": name}, (f"position.{name}",)))
         found.append(Instrument("actuatorvel", {"actuator": name}, (f"rate.{name}",)))
@@ -57,7 +61,7 @@ def instruments(problem: Problem, model: mujoco.MjModel) -> list[Instrument]:
         found.append(
             Instrument(
                 "contact",
-                {"geom1": pad, "body2": "world", "reduce": "netforce", "data": "force"},
+                {"geom1": pad, **among, "reduce": "netforce", "data": "force"},
                 tuple(f"load.{pad}.{axis}" for axis in AXES),
             )
         )
@@ -75,6 +79,69 @@ def instruments(problem: Problem, model: mujoco.MjModel) -> list[Instrument]:
     return found
 
 
+def _heading_of(problem: Problem, model: mujoco.MjModel) -> dict[str, str]:
+    """Return what the heading is sensed of: the trunk, or a level site on one that is drawn turned.
+
+    Raises:
+        GaitoptError: the trunk has no name.
+    """
+    trunk = Parts(model, problem.roles, problem.channel_names).trunk
+    name = str(model.body(trunk).name)
+    if not name:
+        raise GaitoptError(
+            f"{problem.model_path}: the body that carries the robot has no name; give it one: "
+            '<body name="trunk" …>'
+        )
+    levels = [model.site(i).name for i in range(model.nsite)]
+    return (
+        {"objtype": "site", "objname": _LEVEL} if _LEVEL in levels else {"objtype": "xbody", "objname": name}
+    )
+
+
+def _contact_counters(problem: Problem, model: mujoco.MjModel) -> list[Instrument]:
+    """Return what counts the contacts with the ground, and all contacts.
+
+    Where there are obstacles and loose things, contacts are those of the robot's trees, and those between its
+    own parts are counted too: the rest is with the surroundings; see `rollout`.
+    """
+    if not _has_obstacles(problem, model):
+        return [
+            Instrument(
+                "contact",
+                {"body2": "world", "reduce": "mindist", "data": "found dist"},
+                ("contacts", "depth"),
+            ),
+            Instrument("contact", {"data": "found"}, ("contacts_all",)),
+        ]
+    trunk = str(model.body(Parts(model, problem.roles, problem.channel_names).trunk).name)
+    return [
+        Instrument(
+            "contact",
+            {"subtree1": trunk, "reduce": "mindist", "data": "found dist"},
+            ("contacts_all", "depth"),
+        ),
+        Instrument("contact", {"subtree1": trunk, "subtree2": trunk, "data": "found"}, (CONTACTS_WITHIN,)),
+    ]
+
+
+def _has_obstacles(problem: Problem, model: mujoco.MjModel) -> bool:
+    parts = Parts(model, problem.roles, problem.channel_names)
+    return has_obstacles(model, parts.named_bodies)
+
+
+def _add_level(root: ET.Element, problem: Problem) -> None:
+    """Add a site to a trunk that is drawn turned: it has the world's axes in the reference pose."""
+    parts = Parts(compile_for(problem, root), problem.roles, problem.channel_names)
+    drawn = np.array(parts.at_zero.xquat[parts.trunk])
+    name = parts.model.body(parts.trunk).name
+    body = next((one for one in root.iter("body") if name and one.get("name") == name), None)
+    if body is None or np.array_equal(drawn, [1.0, 0.0, 0.0, 0.0]):
+        return
+    back = np.empty(4)
+    mujoco.mju_negQuat(back, drawn)
+    ET.SubElement(body, "site", name=_LEVEL, quat=" ".join(map(repr, back.tolist())))
+
+
 def measurable_signals(problem: Problem) -> list[str]:
     """Return the signals of a robot that a data set may hold: of marker, joints and sites.
 
@@ -83,7 +150,8 @@ def measurable_signals(problem: Problem) -> list[str]:
     """
     model = build_model(problem)
     named = [signal for one in instruments(problem, model) for signal in one.signals if signal]
-    sites = filter(None, (model.site(i).name for i in range(model.nsite)))
+    named_sites = (model.site(i).name for i in range(model.nsite))
+    sites = [site for site in named_sites if site and not is_added(site)]
     measured = [signal for signal in named if kind_of(signal) in ("marker", "joint")]
     return [*measured, *(signal for site in sites for signal in site_signals(site))]
 
@@ -182,6 +250,7 @@ def _add_sensors(root: ET.Element, problem: Problem) -> list[str | None]:
     """Replace an MJCF's sensors by the instruments; return the signal in each place of ``sensordata``."""
     for element in root.findall("sensor"):
         root.remove(element)
+    _add_level(root, problem)
     bare = compile_for(problem, root)
     sensors = ET.SubElement(root, "sensor")
     signals: list[str | None] = []

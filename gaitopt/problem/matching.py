@@ -56,6 +56,8 @@ def _check_roles(model: mujoco.MjModel, problem: Problem) -> None:
     geoms = _names(model, "geom", model.ngeom)
     _check_names(source, "roles.pads", "geom", roles.pads, geoms)
     _check_names(source, "roles.body", "geom", roles.body, geoms)
+    trunk = [roles.trunk] if roles.trunk else []
+    _check_names(source, "roles.trunk", "body", trunk, _names(model, "body", model.nbody))
     _check_names(source, "roles.hinges", "joint", roles.hinges, _names(model, "joint", model.njnt))
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gaitopt.effects.added import is_added
 from gaitopt.effects.library.servo_back_emf import back_emf
 from gaitopt.effects.library.servo_deadband import net_torque_limits
+from gaitopt.robot.tree import robot_bodies
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Robot:
     @staticmethod
     def of(model: mujoco.MjModel) -> Robot:
         """Read the figures of a model."""
-        mass = float(model.body_mass[model.body_weldid != 0].sum())
+        mass = float(model.body_mass[(model.body_weldid != 0) & robot_bodies(model)].sum())
         weight = mass * float(np.linalg.norm(model.opt.gravity))
         added = [is_added(model.actuator(i).name) for i in range(model.nu)]
         servos = added.count(False)

@@ -6,10 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-
-def ground_geoms(model: mujoco.MjModel) -> list[int]:
-    """Return the ids of the world's own geoms: the ground, and what stands on it."""
-    return np.flatnonzero(model.geom_bodyid == 0).tolist()
+from gaitopt.robot.tree import surroundings
 
 
 def can_touch(model: mujoco.MjModel, one: int, other: int) -> bool:
@@ -19,8 +16,8 @@ def can_touch(model: mujoco.MjModel, one: int, other: int) -> bool:
 
 
 def can_touch_ground(model: mujoco.MjModel, geom: int) -> bool:
-    """Return whether a geom collides with any geom of the world."""
-    return any(can_touch(model, geom, ground) for ground in ground_geoms(model))
+    """Return whether a geom collides with any geom around the robot."""
+    return any(can_touch(model, geom, other) for other in surroundings(model))
 
 
 def mixed_friction(model: mujoco.MjModel, one: int, other: int) -> NDArray[np.float64]:

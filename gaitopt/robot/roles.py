@@ -20,6 +20,8 @@ class Roles(BaseModel):
 
     Attributes:
         marker: site whose motion is the robot's motion; None where only joints are of interest.
+        trunk: body that heading, tilt, payload and mass are of; None for the root of the tree that the
+            actuators move (see `tree.trunk`).
         pads: geoms that are meant to grip; none where nothing grips.
         body: other geoms that may touch the ground.
         hinges: passive joints.
@@ -30,6 +32,7 @@ class Roles(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     marker: Name | None = None
+    trunk: Name | None = None
     pads: list[Name] = []
     body: list[Name] = []
     hinges: list[Name] = []

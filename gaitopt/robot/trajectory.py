@@ -19,11 +19,12 @@ class Trajectory:
     Attributes:
         time: gait time of each sample, s, shape (n,).
         signals: series by name, each of shape (n,). ``marker.x|y|z`` is the marker in the world, m;
-            ``heading.w|x|y|z`` the first body's quaternion; per actuator ``target``, ``position``
-            (rad), ``rate`` (rad/s) and ``torque`` (N m); ``joint.NAME`` (rad); per pad ``load.PAD.x|y|z``,
-            its force on the ground (N, in the world: negative along up), and ``pad_speed.PAD.x|y|z``
-            (m/s); ``contacts``, the number of contacts with the world, ``contacts_all`` with those
-            between the robot's own parts, and ``depth``, the distance of the deepest (m, negative inside).
+            ``heading.w|x|y|z`` the trunk's turn from how it is drawn, a quaternion; per actuator
+            ``target``, ``position`` (rad), ``rate`` (rad/s) and ``torque`` (N m); ``joint.NAME`` (rad);
+            per pad ``load.PAD.x|y|z``, its force on the ground (N, in the world: negative along up), and
+            ``pad_speed.PAD.x|y|z`` (m/s); ``contacts``, the number of contacts with what is around the robot,
+            ``contacts_all`` with those between its own parts, and ``depth``, the distance of the deepest (m,
+            negative inside).
         status: ``ok``, or why the simulation is not to be trusted.
         poses: MuJoCo's qpos at each sample, shape (n, nq), where pictures were asked for.
     """

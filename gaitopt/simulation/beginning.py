@@ -15,6 +15,7 @@ from gaitopt.gait.drive import Drive
 from gaitopt.problem.instruments import scalar_joints
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.start import start_targets
+from gaitopt.robot.tree import free_joint, robot_bodies, trunk
 
 Array = NDArray[np.float64]
 
@@ -86,7 +87,7 @@ def started_pose(model: mujoco.MjModel, start: Mapping[str, float], pose: Array)
     if model.neq:
         measured = [int(model.jnt_dofadr[joints[name]]) for name in start]
         started = with_added(_closed(model, started, measured), model)
-    if _is_free(model):
+    if free_joint(model, trunk(model)) is not None:
         return _on_the_ground(model, started, pose)
     return _with_play_taken_up(model, started)
 
@@ -127,10 +128,6 @@ def _closed(model: mujoco.MjModel, pose: Array, measured: Sequence[int]) -> Arra
     return np.array(data.qpos)
 
 
-def _is_free(model: mujoco.MjModel) -> bool:
-    return bool(model.njnt) and int(model.jnt_type[0]) == int(mujoco.mjtJoint.mjJNT_FREE)
-
-
 def _with_play_taken_up(model: mujoco.MjModel, pose: Array) -> Array:
     """Return a pose in which each link with free play rests on its rotor, on the side of its load at rest."""
     rotors = [joint for joint in range(model.njnt) if is_added(model.joint(joint).name)]
@@ -156,17 +153,19 @@ def _on_the_ground(model: mujoco.MjModel, pose: Array, before: Array) -> Array:
         return pose
     up = -model.opt.gravity / (np.linalg.norm(model.opt.gravity) or 1.0)
     moved = np.array(pose)
-    moved[:3] += (apart[0] - apart[1]) * up
+    joint = free_joint(model, trunk(model))
+    place = 0 if joint is None else int(model.jnt_qposadr[joint])
+    moved[place : place + 3] += (apart[0] - apart[1]) * up
     return moved
 
 
 def _clearance(model: mujoco.MjModel, pose: Array) -> float:
-    """Return the distance of a robot in a pose from the world, m, negative inside; inf if nothing is near."""
+    """Return the distance of a robot in a pose from what is around it, m, negative inside; inf if far."""
     model = copy.copy(model)
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_OVERRIDE
     model.opt.o_margin = _NEAR_M
     data = mujoco.MjData(model)
     data.qpos[:] = pose
     mujoco.mj_fwdPosition(model, data)
-    ground = model.body_weldid[model.geom_bodyid[data.contact.geom]] == 0
-    return float(data.contact.dist[ground.any(axis=-1)].min(initial=np.inf))
+    own = robot_bodies(model)[model.geom_bodyid[data.contact.geom]]
+    return float(data.contact.dist[own.any(axis=-1) & ~own.all(axis=-1)].min(initial=np.inf))

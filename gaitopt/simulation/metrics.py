@@ -117,7 +117,7 @@ def _ratio(above: float, below: float) -> float:
 
 
 def _yaw_rate(window: Window) -> float:
-    """Return the net turning rate about up: how fast the first body's forward axis turns, rad/s."""
+    """Return the net turning rate about up: how fast the trunk's forward axis turns, rad/s."""
     forward, left, _ = window.axes
     every = max(1, (window.rows.stop - window.rows.start) // _YAW_SAMPLES)
     pointing = window.rotation(every) @ forward
@@ -127,7 +127,7 @@ def _yaw_rate(window: Window) -> float:
 
 
 def _tilt(window: Window) -> float:
-    """Return the largest angle between the first body's up axis and up, rad."""
+    """Return the largest angle between the trunk's up axis and up, rad."""
     up = window.axes[2]
     cosine = (window.rotation(_TILT_SAMPLE) @ up) @ up
     return float(np.arccos(np.clip(cosine, -1.0, 1.0)).max(initial=0.0))
@@ -217,7 +217,7 @@ _IN_ORDER = (
         drift=True,
         of_ground=True,
     ),
-    Metric("tilt_rad", "largest tilt of the first body", _tilt, title="largest tilt", of_ground=True),
+    Metric("tilt_rad", "largest tilt of the trunk", _tilt, title="largest tilt", of_ground=True),
     Metric(
         "slip_m",
         "backward slip of loaded pads per cycle, summed over pads",

@@ -19,7 +19,7 @@ from gaitopt.effects.active import RobotEffects
 from gaitopt.effects.added import control_columns
 from gaitopt.effects.effect import LOOP_INTERVAL_S
 from gaitopt.gait.drive import Commands, Drive
-from gaitopt.problem.instruments import build_instrumented
+from gaitopt.problem.instruments import CONTACTS_WITHIN, build_instrumented
 from gaitopt.problem.model import with_fidelity
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
@@ -273,6 +273,9 @@ class Simulator:
         every = self.sample_steps
         columns = np.array(recorded.data[::every].T, order="C")  # always a copy: the record is used again
         signals = {name: columns[i] for i, name in enumerate(self.signals) if name is not None}
+        within = signals.pop(CONTACTS_WITHIN, None)
+        if within is not None:
+            signals["contacts"] = signals["contacts_all"] - within
         for index, name in enumerate(self.problem.channel_names):
             signals[f"target.{name}"] = commands[::every, index]
         if self.problem.observed:

@@ -17,6 +17,7 @@ from gaitopt.effects.parts import Parts
 from gaitopt.problem.instruments import scalar_joints
 from gaitopt.problem.model import nominal_parts
 from gaitopt.problem.problem import Problem
+from gaitopt.robot.tree import free_joint
 from gaitopt.simulation.tolerances import NO_ERRORS, SmallErrors, apply_errors, draw_errors
 
 
@@ -76,7 +77,7 @@ def scenario_model(
 
 
 def disturb_start(batch: Batch, problem: Problem, scenario: Scenario) -> None:
-    """Add a scenario's start-pose errors to the hinge joints, and turn a free first body about up."""
+    """Add a scenario's start-pose errors to the hinge joints, and turn a free trunk about up."""
     model = batch.model
     qpos = batch.bind("qpos")[0]
     rng = seeded(scenario.pose_seed)
@@ -84,9 +85,11 @@ def disturb_start(batch: Batch, problem: Problem, scenario: Scenario) -> None:
     errors = np.zeros(model.nq)
     errors[model.jnt_qposadr[hinges]] = scenario.start_pose_rad * rng.standard_normal(len(hinges))
     qpos += with_added(errors, model)
-    if model.njnt and int(model.jnt_type[0]) == int(mujoco.mjtJoint.mjJNT_FREE):
+    joint = free_joint(model, Parts(model, problem.roles, problem.channel_names).trunk)
+    if joint is not None:
+        place = int(model.jnt_qposadr[joint]) + 3
         turn, turned = np.empty(4), np.empty(4)
         angle = scenario.start_pose_rad * rng.standard_normal()
         mujoco.mju_axisAngle2Quat(turn, np.array(problem.roles.up), angle)
-        mujoco.mju_mulQuat(turned, turn, qpos[3:7].copy())
-        qpos[3:7] = turned
+        mujoco.mju_mulQuat(turned, turn, qpos[place : place + 4].copy())
+        qpos[place : place + 4] = turned

@@ -124,6 +124,6 @@ class Window:
         return speeds
 
     def rotation(self, every: int) -> Array:
-        """Return the rotation matrix of the first body at one sample in `every`, shape (n, 3, 3)."""
+        """Return the rotation matrix of the trunk at one sample in `every`, shape (n, 3, 3)."""
         rows = slice(self.rows.start, self.rows.stop, every)
         return rotation_matrices(*(self.trajectory[f"heading.{part}"][rows] for part in "wxyz"))

@@ -83,9 +83,9 @@ def test_what_it_cannot_do_is_not_asked_of_it(held: Problem) -> None:
     [
         ("pad_friction", {"scale": 1.1}, "roles.pads"),
         ("contact_compliance", {"scale": 1.1}, "touches nothing"),
-        ("payload_mass", {"mass_kg": 0.01}, "the first module is held"),
-        ("com_offset", {"offset_m": 0.01}, "the first module is held"),
-        ("tether_drag", {"force_n": 0.01}, "the first module is held"),
+        ("payload_mass", {"mass_kg": 0.01}, "the trunk is held"),
+        ("com_offset", {"offset_m": 0.01}, "the trunk is held"),
+        ("tether_drag", {"force_n": 0.01}, "the trunk is held"),
     ],
 )
 def test_effects_of_the_ground_do_not_apply(

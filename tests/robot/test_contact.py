@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from gaitopt.robot.contact import can_touch, can_touch_ground, ground_geoms, mixed_friction
+from gaitopt.robot.contact import can_touch, can_touch_ground, mixed_friction
+from gaitopt.robot.tree import surroundings
 
 ROBOT = """<mujoco><worldbody>
   <geom name="ground" type="plane" size="5 5 1" {ground}/>
@@ -31,7 +32,7 @@ def test_geoms_touch_where_mujoco_finds_a_contact(
     masks = [f'contype="{t}" conaffinity="{a}"' for t, a in zip(types, affinities, strict=True)]
     model = robot(*masks)
     ground, ball = model.geom("ground").id, model.geom("ball").id
-    assert ground_geoms(model) == [ground]
+    assert surroundings(model) == [ground]
     touching = bool(contacts(model))
     assert can_touch(model, ball, ground) == can_touch(model, ground, ball) == touching
     assert can_touch_ground(model, ball) == touching

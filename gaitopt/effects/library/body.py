@@ -9,14 +9,14 @@ import numpy as np
 
 from gaitopt.effects.added import added_name
 from gaitopt.effects.effect import Effect
-from gaitopt.effects.parts import FIRST_BODY, Parts
+from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 
 
 def _module_length(parts: Parts) -> float:
-    """Return the radius of the first module's largest geom, m."""
+    """Return the radius of the trunk's largest geom, m."""
     model = parts.model
-    radii = model.geom_rbound[model.geom_bodyid == FIRST_BODY]
+    radii = model.geom_rbound[model.geom_bodyid == parts.trunk]
     return float(radii.max(initial=0.0)) or float(model.stat.meansize)
 
 
@@ -43,18 +43,18 @@ GROUND_SLOPE = Effect(
 )
 
 
-def _first_module_is_held(parts: Parts) -> str | None:
-    return "the first module is held" if parts.model.body_weldid[FIRST_BODY] == 0 else None
+def _trunk_is_held(parts: Parts) -> str | None:
+    return "the trunk is held" if parts.model.body_weldid[parts.trunk] == 0 else None
 
 
 def _add_mass(parts: Parts, mass: float, _: float) -> None:
-    """Add a point mass at the first body's centre of mass, where it adds no rotational inertia."""
-    parts.model.body_mass[FIRST_BODY] += mass
+    """Add a point mass at the trunk's centre of mass, where it adds no rotational inertia."""
+    parts.model.body_mass[parts.trunk] += mass
 
 
 PAYLOAD_MASS = Effect(
     name="payload_mass",
-    summary="point mass at the first module's centre",
+    summary="point mass at the trunk's centre",
     parameter="mass_kg",
     unit="kg",
     neutral=0.0,
@@ -65,7 +65,7 @@ PAYLOAD_MASS = Effect(
     reference=lambda parts: parts.mass,
     reference_name="the robot's mass",
     allowed=(0.0, math.inf),
-    missing=_first_module_is_held,
+    missing=_trunk_is_held,
     of_free_robot=True,
     model=_add_mass,
 )
@@ -73,13 +73,13 @@ PAYLOAD_MASS = Effect(
 
 def _shift_centre(parts: Parts, offset: float, _: float) -> None:
     model = parts.model
-    forward = parts.at_zero.xmat[FIRST_BODY].reshape(3, 3).T @ parts.axes[0]
-    model.body_ipos[FIRST_BODY] += offset * forward
+    forward = parts.at_zero.xmat[parts.trunk].reshape(3, 3).T @ parts.axes[0]
+    model.body_ipos[parts.trunk] += offset * forward
 
 
 COM_OFFSET = Effect(
     name="com_offset",
-    summary="shift of the first module's centre of mass along forward",
+    summary="shift of the trunk's centre of mass along forward",
     parameter="offset_m",
     unit="m",
     neutral=0.0,
@@ -90,8 +90,8 @@ COM_OFFSET = Effect(
         "normal", 0.0, 0.15, "servos and brackets glued by hand, to within a few mm on a module of 50 mm"
     ),
     reference=_module_length,
-    reference_name="the first module's radius",
-    missing=_first_module_is_held,
+    reference_name="the trunk's radius",
+    missing=_trunk_is_held,
     of_free_robot=True,
     model=_shift_centre,
 )
@@ -150,10 +150,10 @@ GEOMETRY_SCALE = Effect(
 
 
 def _add_tether(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
-    """Add an actuator that needs no command: a force on the first body along an axis of the world."""
-    first = spec.bodies[FIRST_BODY]
+    """Add an actuator that needs no command: a force on the trunk along an axis of the world."""
+    body = spec.bodies[nominal.trunk]
     name = added_name("tether", nominal.channels[0])
-    first.add_site(name=name, pos=nominal.model.body_ipos[FIRST_BODY])
+    body.add_site(name=name, pos=nominal.model.body_ipos[nominal.trunk])
     world = added_name("world", nominal.channels[0])
     spec.worldbody.add_site(name=world)
     spec.add_actuator(
@@ -175,7 +175,7 @@ def _pull(parts: Parts, force: float, _: float) -> None:
 
 TETHER_DRAG = Effect(
     name="tether_drag",
-    summary="constant backward force on the first module",
+    summary="constant backward force on the trunk",
     parameter="force_n",
     unit="N",
     neutral=0.0,
@@ -187,7 +187,7 @@ TETHER_DRAG = Effect(
     ),
     reference=lambda parts: parts.weight,
     reference_name="the robot's weight",
-    missing=_first_module_is_held,
+    missing=_trunk_is_held,
     of_free_robot=True,
     structure=_add_tether,
     model=_pull,

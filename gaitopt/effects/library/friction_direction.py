@@ -18,7 +18,7 @@ from gaitopt.effects.library.friction import Friction
 from gaitopt.effects.library.ground_loads import load_addresses, sense_pads
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
-from gaitopt.robot.contact import can_touch, can_touch_ground, ground_geoms, mixed_friction
+from gaitopt.robot.contact import can_touch, mixed_friction
 
 
 def _contact_axes(up: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -35,7 +35,7 @@ def _not_along_an_axis(parts: Parts) -> str | None:
         return "forward is not along a world axis, as MuJoCo's contact frames are"
     if not parts.touching:
         return "the problem names no roles.pads and no roles.body"
-    if not any(can_touch_ground(parts.model, geom) for geom in parts.touching):
+    if not any(parts.touches_ground(geom) for geom in parts.touching):
         return "no pad or body geom collides with a geom of the world"
     return None
 
@@ -43,7 +43,7 @@ def _not_along_an_axis(parts: Parts) -> str | None:
 def _add_pairs(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
     """Add a pair for each geom that may touch the ground and each geom of the world that it collides with."""
     for geom in nominal.touching:
-        for ground in ground_geoms(nominal.model):
+        for ground in nominal.surroundings:
             if can_touch(nominal.model, geom, ground):
                 one, other = spec.geoms[ground], spec.geoms[geom]
                 one.name = one.name or added_name("geom", str(ground))

@@ -1,4 +1,4 @@
-"""The nominal servo: its torque limit, and whether it turns a joint.
+"""The nominal servo: its torque limit.
 
 A nominal servo is a MuJoCo position actuator: torque kp (ctrl - q) [N m], clipped to its `forcerange`,
 on a joint whose `damping` is the slope of the motor's torque-speed line and whose `armature` is the
@@ -13,13 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.effects.parts import Parts
-
-
-def drives_no_joint(parts: Parts) -> str | None:
-    """Return that an actuator of the target does not turn a joint, or None."""
-    if not parts.servo_joints or min(parts.servo_joints) < 0:
-        return "an actuator does not turn a joint"
-    return None
 
 
 def torque_limits(parts: Parts) -> NDArray[np.float64]:

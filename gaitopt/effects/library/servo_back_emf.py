@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gaitopt.effects.added import added_name, owner_of
 from gaitopt.effects.effect import Effect
-from gaitopt.effects.library.servo import drives_no_joint, torque_scale
+from gaitopt.effects.library.servo import torque_scale
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 
@@ -23,7 +23,7 @@ _LEAST_SPEED = 2.0
 def _damped(parts: Parts) -> str | None:
     if parts.model.dof_damping[parts.servo_dofs].any():
         return "the driven joints have damping, which is this slope; servo_damping scales it"
-    return drives_no_joint(parts)
+    return None
 
 
 def _add_loss(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
@@ -72,6 +72,7 @@ SERVO_BACK_EMF = Effect(
     reference_name="the nominal torque limit",
     allowed=(0.0, math.inf),
     target="any",
+    on_joints=True,
     missing=_damped,
     unusual=6.0,
     structure=_add_loss,

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from gaitopt.effects.added import added_name, owner_of
 from gaitopt.effects.effect import Effect
-from gaitopt.effects.library.servo import drives_no_joint
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 
@@ -75,7 +74,7 @@ SERVO_DEADBAND = Effect(
     ),
     allowed=(0.0, 1.0),
     target="any",
-    missing=drives_no_joint,
+    on_joints=True,
     structure=_add_opposition,
     model=_oppose,
 )

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from gaitopt.effects.added import added_name
 from gaitopt.effects.effect import Effect, Update
 from gaitopt.effects.library.dry_friction import stiffen_friction, varied_friction
-from gaitopt.effects.library.servo import drives_no_joint, torque_scale
+from gaitopt.effects.library.servo import torque_scale
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 
@@ -68,7 +68,7 @@ SERVO_FRICTION = Effect(
     reference_name="the nominal torque limit",
     allowed=(0.0, math.inf),
     target="any",
-    missing=drives_no_joint,
+    on_joints=True,
     model=_set_friction,
 )
 
@@ -129,7 +129,7 @@ SERVO_FRICTION_LOAD = Effect(
     ),
     allowed=(0.0, 0.95),
     target="any",
-    missing=drives_no_joint,
+    on_joints=True,
     structure=_sense_torque,
     model=_stiffen,
     loop=_loaded,
@@ -174,7 +174,7 @@ SERVO_STICTION = Effect(
     reference_name="the nominal torque limit",
     allowed=(0.0, math.inf),
     target="any",
-    missing=drives_no_joint,
+    on_joints=True,
     structure=_sense_speed,
     model=_stiffen,
     loop=_stick,

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.effects.effect import Effect
-from gaitopt.effects.library.servo import drives_no_joint
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 from gaitopt.gait.drive import Commands
@@ -32,7 +31,7 @@ def _time_constant(parts: Parts) -> float:
 def _other_dynamics(parts: Parts) -> str | None:
     if any(int(parts.model.actuator_dyntype[i]) not in (_NONE, *_FILTERS) for i in parts.servos):
         return "an actuator has dynamics other than a first-order lag"
-    return drives_no_joint(parts)
+    return None
 
 
 def _set_time_constant(parts: Parts, lag: float, nominal: float) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from gaitopt.effects.effect import Effect, Plausible
-from gaitopt.effects.library.servo import drives_no_joint
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 
@@ -44,7 +43,7 @@ def _damped_joints(parts: Parts) -> bool:
 def _no_damping(parts: Parts) -> str | None:
     if not (_damped_joints(parts) or parts.model.actuator_biasprm[parts.servos, 2].any()):
         return "neither the driven joints nor their servos have damping to scale"
-    return drives_no_joint(parts)
+    return None
 
 
 def _damping_of_servos_alone(parts: Parts) -> Plausible | None:
@@ -89,6 +88,7 @@ SERVO_DAMPING = Effect(
     allowed=(0.0, math.inf),
     target="any",
     otherwise=_damping_of_servos_alone,
+    on_joints=True,
     missing=_no_damping,
     model=_scale_damping,
 )
@@ -131,6 +131,6 @@ SERVO_INERTIA = Effect(
     reference_name="the nominal armature",
     allowed=(0.0, math.inf),
     target="any",
-    missing=drives_no_joint,
+    on_joints=True,
     model=_set_armature,
 )

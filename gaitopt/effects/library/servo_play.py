@@ -7,7 +7,6 @@ import numpy as np
 
 from gaitopt.effects.added import added_name
 from gaitopt.effects.effect import Effect
-from gaitopt.effects.library.servo import drives_no_joint
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 
@@ -76,7 +75,7 @@ SERVO_BACKLASH = Effect(
     ),
     allowed=(0.0, 1.0),
     target="any",
-    missing=drives_no_joint,
+    on_joints=True,
     structure=_add_rotor,
     model=_set_play,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from gaitopt.effects.effect import Effect
-from gaitopt.effects.library.servo import drives_no_joint, torque_limit, torque_scale
+from gaitopt.effects.library.servo import torque_limit, torque_scale
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
 
@@ -40,6 +40,6 @@ SERVO_TORQUE_LIMIT = Effect(
     reference_name="the nominal limit",
     allowed=(0.0, math.inf),
     target="any",
-    missing=drives_no_joint,
+    on_joints=True,
     model=_limit_torque,
 )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gaitopt.effects.added import added_name
 from gaitopt.effects.effect import LOOP_INTERVAL_S, Effect, Update
-from gaitopt.effects.library.servo import drives_no_joint, torque_limit
+from gaitopt.effects.library.servo import torque_limit
 from gaitopt.effects.library.servo_deadband import net_torque_limits
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
@@ -23,7 +23,7 @@ the limits chatter."""
 def _no_limit(parts: Parts) -> str | None:
     if not math.isfinite(torque_limit(parts)):
         return "a servo has no torque limit that can fall"
-    return drives_no_joint(parts)
+    return None
 
 
 def _sense_torques(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:

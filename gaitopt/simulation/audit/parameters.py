@@ -11,8 +11,9 @@ import numpy as np
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem
-from gaitopt.robot.contact import can_touch, ground_geoms, mixed_friction
+from gaitopt.robot.contact import can_touch, mixed_friction
 from gaitopt.robot.trajectory import Trajectory
+from gaitopt.robot.tree import surroundings
 from gaitopt.simulation.audit.finding import INERT_PARAMETER, Finding
 from gaitopt.simulation.audit.settings import CheckSettings
 from gaitopt.simulation.rollout import Simulator
@@ -55,7 +56,7 @@ def _rollout(problem: Problem, gait: Gait, seconds: float) -> Trajectory:
 def _inert_friction(model: mujoco.MjModel, changed: mujoco.MjModel) -> str:
     """Return why a changed friction coefficient does nothing on the ground, or an empty string."""
     geoms = np.flatnonzero((model.geom_friction != changed.geom_friction).any(axis=1))
-    pairs = [(g, w) for g in geoms.tolist() for w in ground_geoms(model) if can_touch(model, g, w)]
+    pairs = [(g, w) for g in geoms.tolist() for w in surroundings(model) if can_touch(model, g, w)]
     acts = [(mixed_friction(model, *pair) != mixed_friction(changed, *pair)).any() for pair in pairs]
     if not pairs or any(acts):
         return ""
