@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import jinja2
 
 from gaitopt.core.files import read_text
+from gaitopt.export.bus_packets import PROTOCOLS
 from gaitopt.export.format import TEMPLATES, Format
 from gaitopt.export.replay import Replay
 from gaitopt.export.stages import servo_rows
@@ -38,7 +39,13 @@ def export_files(
         from_datasheet: per channel, the values of its calibration that are not set.
     """
     jinja = environment()
-    known = vars(facts(table))
+    output = format.output
+    known: dict[str, object] = {
+        **vars(facts(table)),
+        "format": format.name,
+        "number": output.number,
+        "baud": PROTOCOLS[format.name].BAUD if format.name in PROTOCOLS else None,
+    }
 
     def filled(template: str, **more: object) -> str:
         return jinja.from_string(template).render(known | more)
@@ -51,10 +58,17 @@ def export_files(
         replay=replay,
         warnings=warnings,
         from_datasheet=from_datasheet,
-        wiring_notes=format.board.wiring_of([servo.pin for servo in table.servos.values()]),
+        wiring=filled(read_text(output.wiring)),
+        wiring_notes=_wiring_notes(format, table),
         play=filled(read_text(format.play)),
     )
     return texts
+
+
+def _wiring_notes(format: Format, table: GaitTable) -> list[str]:
+    """Return the notes of the board on the pins in use."""
+    on_pins = format.output.key == "pin"
+    return format.board.wiring_of([servo.pin for servo in table.servos.values()]) if on_pins else []
 
 
 @dataclass(frozen=True)
@@ -63,7 +77,7 @@ class ServoFacts:
 
     Attributes:
         name: its channel.
-        pin: its GPIO; None where it is not set.
+        pin: its GPIO, output or ID; None where it is not set.
         numbers: its row of `servo_rows`.
     """
 
@@ -83,7 +97,8 @@ class TableFacts:
         period_s, period_us: one cycle.
         frame_us: period of the servo signal.
         led_pin: GPIO of the sync LED; -1 for none.
-        pulses: rows of pulses, µs, one for each servo.
+        pulses: rows of pulses, µs or steps, one for each servo.
+        unit: of the pulses.
         servos: the servos.
     """
 
@@ -96,6 +111,7 @@ class TableFacts:
     frame_us: int
     led_pin: int
     pulses: tuple[tuple[int, ...], ...]
+    unit: str
     servos: tuple[ServoFacts, ...]
 
 
@@ -112,6 +128,7 @@ def facts(table: GaitTable) -> TableFacts:
         frame_us=table.frame_us,
         led_pin=-1 if table.led_pin is None else table.led_pin,
         pulses=table.pulses,
+        unit=table.unit,
         servos=tuple(ServoFacts(name, servo.pin, numbers) for (name, servo), numbers in rows),
     )
 

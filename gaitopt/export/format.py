@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from gaitopt.export.board import ESP32, Board
+from gaitopt.core.errors import unknown_name
+from gaitopt.export.board import ESP32, ESP32_C3, ESP32_S3, Board
+from gaitopt.export.gait_player import MAX_SERVOS
+from gaitopt.export.output import LEDC, Output
 
 HERE = Path(__file__).parent
 TEMPLATES = HERE / "templates"
@@ -29,7 +32,10 @@ class Format:
         play: template of the README's section on how to play it.
         copies: further files: where each goes, and the file that it is a copy of.
         drives_pins: whether it sends the pulses itself, so that every servo needs a pin.
-        board: the board that the servos' pins belong to.
+        board: the board that the servos' pins and the LED belong to.
+        others: boards that ``--board`` may name in its place.
+        output: what the servos are sent.
+        most_servos: servos at most.
     """
 
     name: str
@@ -39,3 +45,25 @@ class Format:
     copies: Mapping[str, Path] = field(default_factory=dict)
     drives_pins: bool = False
     board: Board = ESP32
+    others: tuple[Board, ...] = ()
+    output: Output = LEDC
+    most_servos: int = MAX_SERVOS
+
+    @property
+    def boards(self) -> dict[str, Board]:
+        """The boards that it is for, by their names in ``--board``; the first is the default."""
+        return {board.name.lower(): board for board in (self.board, *self.others)}
+
+    def on(self, board: str) -> Format:
+        """Return the format for another of its boards.
+
+        Raises:
+            GaitoptError: it is not for that board.
+        """
+        if board not in self.boards:
+            raise unknown_name(f"--board: format {self.name}", "board", board, self.boards)
+        return replace(self, board=self.boards[board])
+
+
+ESP32S = (ESP32_S3, ESP32_C3)
+"""What may stand in place of a classic ESP32."""

@@ -22,6 +22,7 @@ from gaitopt.export.gait_player import MAX_SERVOS
 from gaitopt.export.lag import Lag, lags
 from gaitopt.export.limits import clipped, refuse_outside
 from gaitopt.export.replay import Replay, replay
+from gaitopt.export.servos import check_servos
 from gaitopt.export.wiring import check_wiring, pin_warnings
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.table import SAMPLES, GaitTable
@@ -42,6 +43,7 @@ class Choices:
         slew: ``off``, ``servo`` (each at its own speed limit) or a speed, degrees/s.
         led_pin: GPIO of the sync LED, if any.
         samples: phase samples of the table.
+        board: the board, one of `Format.boards`; the first of them by default.
     """
 
     format: str
@@ -49,6 +51,7 @@ class Choices:
     slew: str = "off"
     led_pin: int | None = None
     samples: int = SAMPLES
+    board: str | None = None
 
 
 @dataclass(frozen=True)
@@ -137,12 +140,14 @@ def prepare(problem: Problem, gait: Gait, choices: Choices, executor: Executor) 
     """Return the export of a gait, played in simulation as the servos will get it.
 
     Raises:
-        GaitoptError: there is no such format, the gait leaves a servo's range, a pin is missing or used
-            twice, or the model does not fit the problem.
+        GaitoptError: there is no such format or board, an actuator is no servo, the gait leaves a servo's
+            range, a pin is missing or used twice, or the model does not fit the problem.
     """
     if choices.format not in FORMATS:
         raise unknown_name("export", "format", choices.format, FORMATS)
     format = FORMATS[choices.format]
+    if choices.board is not None:
+        format = format.on(choices.board)
     if not 4 <= choices.samples <= 1024:
         raise GaitoptError(f"--samples: found {choices.samples}; allowed: 4 to 1024")
     if len(gait.channels) > MAX_SERVOS or gait.period_s > _MAX_PERIOD_S:
@@ -150,22 +155,23 @@ def prepare(problem: Problem, gait: Gait, choices: Choices, executor: Executor) 
             f"found {len(gait.channels)} servos and a period of {gait.period_s:g} s; "
             f"allowed: at most {MAX_SERVOS} and {_MAX_PERIOD_S:g} s"
         )
+    check_servos(problem)
+    unset = {name: format.output.unset(one.servo) for name, one in problem.file.channels.items()}
+    problem = format.output.wired(problem)
     check_wiring(problem, format, choices.led_pin)
     warnings = pin_warnings(problem, format, choices.led_pin)
     if choices.clip:
         gait, changes = clipped(problem, gait)
         warnings += changes
     refuse_outside(problem, gait)
-    table = _table(problem, gait, choices)
-    played = replay(problem, table, executor)
+    table = _table(problem, gait, choices, format)
+    played = replay(problem, table, executor, output=format.output)
     if played.warning:
         warnings.append(played.warning)
-    calibrations = {name: channel.servo for name, channel in problem.file.channels.items()}
-    unset = {name: servo.from_datasheet for name, servo in calibrations.items()}
     return Handover(format, table, played, tuple(lags(problem, gait)), tuple(warnings), unset)
 
 
-def _table(problem: Problem, gait: Gait, choices: Choices) -> GaitTable:
+def _table(problem: Problem, gait: Gait, choices: Choices, format: Format) -> GaitTable:
     frame_s = problem.file.servo.frame_s
     servos = {name: problem.file.channels[name].servo for name in gait.channels}
     limit = _slew_deg_s(choices.slew)
@@ -174,7 +180,8 @@ def _table(problem: Problem, gait: Gait, choices: Choices) -> GaitTable:
         for servo in servos.values()
     ]
     start = np.rad2deg(start_targets(problem)).tolist()
-    return GaitTable.sample(gait, servos, start, frame_s, slew, choices.led_pin, choices.samples)
+    unit = format.output.unit
+    return GaitTable.sample(gait, servos, start, frame_s, slew, choices.led_pin, choices.samples, unit)
 
 
 def _slew_deg_s(text: str) -> float | None:

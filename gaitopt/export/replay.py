@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.statistics import interval90
 from gaitopt.export.gait_player import RAMP_US
+from gaitopt.export.output import LEDC, Output
 from gaitopt.export.stages import command_stages
 from gaitopt.gait.drive import Commands
 from gaitopt.gait.table import GaitTable
@@ -75,7 +76,11 @@ class Replay:
 
 
 def replay(
-    problem: Problem, table: GaitTable, executor: Executor, settings: ReplaySettings = ReplaySettings()
+    problem: Problem,
+    table: GaitTable,
+    executor: Executor,
+    settings: ReplaySettings = ReplaySettings(),
+    output: Output = LEDC,
 ) -> Replay:
     """Return the speed lost between the gait and the servos, in simulation over several start poses.
 
@@ -84,6 +89,7 @@ def replay(
         table: the gait as it is exported.
         executor: where it is simulated.
         settings: from how many starts, and what is worth a warning.
+        output: what the servos are sent.
 
     Raises:
         GaitoptError: there is no marker, the model does not compile or does not fit the problem, or no
@@ -91,7 +97,7 @@ def replay(
     """
     problem.require("the replay of an export", "roles.marker")
     starts = _Starts.of(problem, table, executor, settings)
-    stages = command_stages(problem, table)
+    stages = command_stages(problem, table, output)
     ideal, replayed = starts.speeds(stages["gait"]), starts.speeds(stages["player"])
     mean = float(ideal.mean())
     if not mean > 0.0:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.export.gait_player import DUTY_BITS, WALKING, Player, duty
+from gaitopt.export.gait_player import WALKING, Player
+from gaitopt.export.output import LEDC, Output
 from gaitopt.gait.drive import Commands
 from gaitopt.gait.table import GaitTable, sampled_deg
 from gaitopt.problem.problem import Problem
@@ -15,12 +16,13 @@ _EDGE = 1e-9
 """Share of a frame: a time this close before a frame counts as in it."""
 
 
-def command_stages(problem: Problem, table: GaitTable) -> dict[str, Commands]:
+def command_stages(problem: Problem, table: GaitTable, output: Output = LEDC) -> dict[str, Commands]:
     """Return the way from the gait to the servos: each stage adds one thing to the stage before it.
 
     ``gait`` is the gait itself; ``interpolation`` between the table's samples; ``quantisation`` to
-    whole microseconds and to the timer's steps; ``frame rate``, one command a frame; ``latency``, each
-    acts one frame late; ``player`` is the sequence that is finally sent, with ramp and slew clamp.
+    whole microseconds or steps and to what the output can send; ``frame rate``, one command a frame;
+    ``latency``, each acts one frame late; ``player`` is the sequence that is finally sent, with ramp and
+    slew clamp.
     """
     frame_s = 1e-6 * table.frame_us
 
@@ -28,7 +30,7 @@ def command_stages(problem: Problem, table: GaitTable) -> dict[str, Commands]:
         return np.asarray(np.deg2rad(_interpolated_deg(table, time)))
 
     def quantisation(time: NDArray[np.float64]) -> NDArray[np.float64]:
-        return _quantised(table, _interpolated_deg(table, time))
+        return _quantised(table, _interpolated_deg(table, time), output)
 
     def frame_rate(time: NDArray[np.float64]) -> NDArray[np.float64]:
         return quantisation(np.floor(time / frame_s + _EDGE) * frame_s)
@@ -40,7 +42,7 @@ def command_stages(problem: Problem, table: GaitTable) -> dict[str, Commands]:
     def player(time: NDArray[np.float64]) -> NDArray[np.float64]:
         frames = np.floor(time / frame_s + _EDGE).astype(int)
         pulses = np.array([table.start_us, *sent_pulses(table, int(frames[-1]))])
-        return np.asarray(_angles(table, pulses)[frames])
+        return np.asarray(_angles(table, pulses, output)[frames])
 
     return {
         "gait": table.gait.targets,
@@ -87,17 +89,17 @@ def _interpolated_deg(table: GaitTable, time: NDArray[np.float64]) -> NDArray[np
     return np.stack([np.interp(phase, grid, column) for column in closed.T], axis=-1)
 
 
-def _quantised(table: GaitTable, angles_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+def _quantised(table: GaitTable, angles_deg: NDArray[np.float64], output: Output) -> NDArray[np.float64]:
     columns = zip(table.servos.values(), angles_deg.T, strict=True)
     pulses = [
         servo.neutral_us + servo.trim_us + servo.direction * servo.us_per_deg * c for servo, c in columns
     ]
-    return _angles(table, np.rint(np.stack(pulses, axis=-1)).astype(int))
+    return _angles(table, np.rint(np.stack(pulses, axis=-1)).astype(int), output)
 
 
-def _angles(table: GaitTable, pulses_us: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the targets that pulses ask for once the timer has rounded them, rad."""
-    timer_us = duty_us(pulses_us, table.frame_us)
+def _angles(table: GaitTable, pulses_us: NDArray[np.int64], output: Output) -> NDArray[np.float64]:
+    """Return the targets that pulses ask for once the output has rounded them, rad."""
+    timer_us = sent_us(pulses_us, table.frame_us, output)
     columns = [
         servo.direction * (timer_us[:, i] - servo.neutral_us - servo.trim_us) / servo.us_per_deg
         for i, servo in enumerate(table.servos.values())
@@ -105,7 +107,7 @@ def _angles(table: GaitTable, pulses_us: NDArray[np.int64]) -> NDArray[np.float6
     return np.deg2rad(np.stack(columns, axis=-1))
 
 
-def duty_us(pulses_us: NDArray[np.int64], frame_us: int) -> NDArray[np.float64]:
-    """Return the length of pulses after rounding to the timer's steps (1.22 µs at 50 Hz), µs."""
-    ticks = np.vectorize(lambda pulse: duty(int(pulse), frame_us), otypes=[float])(pulses_us)
-    return np.asarray(ticks * (frame_us / (1 << DUTY_BITS)), dtype=float)
+def sent_us(pulses_us: NDArray[np.int64], frame_us: int, output: Output = LEDC) -> NDArray[np.float64]:
+    """Return what servos get of pulses, µs or steps: a timer rounds them (to 1.22 µs at 50 Hz)."""
+    rounded = np.vectorize(lambda pulse: output.rounded(int(pulse), frame_us), otypes=[float])
+    return np.asarray(rounded(pulses_us), dtype=float)

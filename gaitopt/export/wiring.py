@@ -1,53 +1,91 @@
-"""The pins of the servos, and the pulses sent on them."""
+"""The numbers of the servos on their board or bus, and what is sent to them."""
 
 from __future__ import annotations
 
 from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.export.format import Format
+from gaitopt.export.output import PCA9685, check_numbers
 from gaitopt.problem.problem import Problem
+
+_OUTPUTS = 16
+"""Outputs of a PCA9685."""
+
+_IDS = 253
+"""Servos of a bus have IDs below this; see `calibration.BusServo`."""
 
 
 def check_wiring(problem: Problem, format: Format, led_pin: int | None) -> None:
-    """Check that the servo signals can be made on distinct pins of the format's board.
+    """Check that what the servos of a wired problem need can be sent on distinct numbers.
+
+    Args:
+        problem: the problem; see `Output.wired`.
+        format: the output format.
+        led_pin: GPIO of the sync LED, if any.
 
     Raises:
-        GaitoptError: a pin is missing, used twice or not on the board. Or a pulse does not fit into a frame,
-        or the start pose needs a pulse outside the servo's range.
+        GaitoptError: a number is missing, used twice or not on the board. Or there are too many servos, a
+        pulse does not fit into a frame, or the start pose needs a pulse outside the servo's range.
     """
-    frame_us = round(1e6 * problem.file.servo.frame_s)
-    pins = format.board.pins
-    on_board = f"{pins.start} to {pins.stop - 1}, the pins of the {format.board.name}"
-    used = {led_pin: "--led-pin"} if led_pin is not None else {}
-    if led_pin is not None and led_pin not in pins:
-        raise GaitoptError(f"--led-pin: found {led_pin}; allowed: {on_board}")
+    _check_led(format, led_pin)
+    _check_count(problem, format)
+    output = format.output
     for name, channel in problem.file.channels.items():
-        key, servo = f"channels.{name}.servo", channel.servo
-        _check_pulses(problem, name, frame_us)
-        if servo.pin is None:
-            if format.drives_pins:
-                raise GaitoptError(
-                    f"{problem.source}: {key}.pin: missing; this format drives the pins itself"
-                )
-            continue
-        if servo.pin not in pins:
-            raise bad_value(problem.source, f"{key}.pin", servo.pin, on_board)
-        if servo.pin in used:
-            raise bad_value(problem.source, f"{key}.pin", servo.pin, f"not the pin of {used[servo.pin]}")
-        used[servo.pin] = key
+        _check_pulses(problem, format, name)
+        if channel.servo.pin is None and format.drives_pins:
+            key = f"channels.{name}.servo.{output.key}"
+            raise GaitoptError(f"{problem.source}: {key}: missing; this format drives the pins itself")
+    if output.key == "pin":
+        used = {} if led_pin is None else {led_pin: "--led-pin"}
+        check_numbers(problem, output, format.board.pins, format.board.on_board, used)
+    elif output is PCA9685:
+        check_numbers(problem, output, range(_OUTPUTS), f"0 to {_OUTPUTS - 1}, the outputs of a PCA9685", {})
+    else:
+        check_numbers(problem, output, range(_IDS), f"0 to {_IDS - 1}", {})
 
 
-def _check_pulses(problem: Problem, name: str, frame_us: int) -> None:
+def _check_led(format: Format, led_pin: int | None) -> None:
+    if led_pin is None:
+        return
+    if led_pin not in format.board.pins:
+        raise GaitoptError(f"--led-pin: found {led_pin}; allowed: {format.board.on_board}")
+
+
+def _check_count(problem: Problem, format: Format) -> None:
+    """Check that the board has as many timers as there are servos."""
+    count = len(problem.file.channels)
+    timers = format.board.timers if format.drives_pins else format.most_servos
+    most = min(format.most_servos, timers)
+    if count > most:
+        where = f"format {format.name} on the {format.board.name}" if format.drives_pins else format.name
+        raise GaitoptError(
+            f"found {count} servos; allowed: at most {most} with {where}; a PCA9685 has {_OUTPUTS} outputs "
+            "(--format pca9685-arduino or pca9685-micropython)"
+        )
+
+
+def _check_pulses(problem: Problem, format: Format, name: str) -> None:
     """Check that the longest pulse of a servo fits into a frame, and that it takes the start pose's pulse."""
-    key, servo = f"channels.{name}.servo", problem.file.channels[name].servo
-    if servo.max_us >= frame_us:
+    key, servo, output = f"channels.{name}.servo", problem.file.channels[name].servo, format.output
+    frame_us = round(1e6 * problem.file.servo.frame_s)
+    if frame_us > output.longest_frame_us:
+        allowed = f"at most {1e-6 * output.longest_frame_us:g}"
+        raise bad_value(problem.source, "servo.frame_s", problem.file.servo.frame_s, allowed)
+    if output.unit == "us" and servo.max_us >= frame_us:
         raise bad_value(problem.source, f"{key}.max_us", servo.max_us, f"below the frame's {frame_us} µs")
     start = servo.pulse_us(problem.file.start.ctrl_deg.get(name, 0.0))
     if not servo.min_us - 0.5 <= start <= servo.max_us + 0.5:
+        found = f"a pulse of {start:g} µs" if output.unit == "us" else f"a position of {start:g} steps"
         allowed = f"{servo.min_us} to {servo.max_us}; see {key}"
-        raise bad_value(problem.source, f"start.ctrl_deg.{name}", f"a pulse of {start:g} µs", allowed)
+        raise bad_value(problem.source, f"start.ctrl_deg.{name}", found, allowed)
 
 
 def pin_warnings(problem: Problem, format: Format, led_pin: int | None) -> list[str]:
     """Return the warnings about the pins in use, one sentence each."""
-    pins = {name: channel.servo.pin for name, channel in problem.file.channels.items()} | {"LED": led_pin}
+    pins: dict[str, int | None] = {"LED": None if led_pin == _ON_BOARD_LED else led_pin}
+    if format.output.key == "pin":
+        pins = {name: channel.servo.pin for name, channel in problem.file.channels.items()} | pins
     return [f"{name}: {note}" for name, pin in pins.items() for note in format.board.warnings_of(pin)]
+
+
+_ON_BOARD_LED = 2
+"""GPIO of the blue LED of most boards with an ESP32, which an LED may well be on."""

@@ -22,9 +22,43 @@ _LONGEST_US = 65535
 _LAST_PIN = 32767
 """Largest GPIO number that a table holds; the export board says which pins exist."""
 
+SAFE_PINS = (13, 16, 17, 18, 19, 21, 22, 23, 25, 26, 27, 32, 33, 4)
+"""GPIOs of a module WROOM-32 that do not decide how the ESP32 boots and are quiet meanwhile: its datasheet,
+tables "Pin Definitions" and "Strapping Pins"."""
+
+_LAST_ID = 252
+"""Largest number of a servo on a bus: 253 to 255 are reserved in the Dynamixel protocol 2 and Feetech's."""
+
+_OUTPUTS = 16
+"""Outputs of a PCA9685."""
+
+_ELSEWHERE = ("pin", "output", "bus")
+"""What says where a servo is connected, and what it gets in place of pulses."""
+
 _Pulse = Annotated[int, Field(ge=1, le=_LONGEST_US), PLAIN_NUMBER]
 _Finite = Annotated[float, Field(allow_inf_nan=False), PLAIN_NUMBER]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False), PLAIN_NUMBER]
+
+
+class BusServo(BaseModel):
+    """A servo on a bus, such as Feetech's STS and SCS or Dynamixel: positions in steps.
+
+    ``position = neutral_steps + direction * steps_per_deg * angle``. The export format knows the defaults.
+
+    Attributes:
+        id: its number on the bus.
+        neutral_steps: position at joint angle 0.
+        steps_per_deg: steps per degree.
+        min_steps, max_steps: positions that it may take.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    id: Annotated[int, Field(ge=0, le=_LAST_ID), PLAIN_NUMBER] | None = None
+    neutral_steps: _Finite | None = None
+    steps_per_deg: _Positive | None = None
+    min_steps: _Pulse | None = None
+    max_steps: _Pulse | None = None
 
 
 class Calibration(BaseModel):
@@ -34,6 +68,8 @@ class Calibration(BaseModel):
 
     Attributes:
         pin: GPIO of the signal wire.
+        output: output of a PCA9685 in place of a pin.
+        bus: what a servo on a bus needs in place of pulses.
         neutral_us: pulse at joint angle 0, by design, µs.
         min_us, max_us: pulses that the servo takes, µs.
         us_per_deg: µs per degree; 1000 µs for 90 degrees.
@@ -45,6 +81,8 @@ class Calibration(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     pin: Annotated[int, Field(ge=0, le=_LAST_PIN), PLAIN_NUMBER] | None = None
+    output: Annotated[int, Field(ge=0, lt=_OUTPUTS), PLAIN_NUMBER] | None = None
+    bus: BusServo | None = None
     neutral_us: _Finite = 1500.0
     min_us: _Pulse = 500
     max_us: _Pulse = 2500
@@ -67,7 +105,7 @@ class Calibration(BaseModel):
     @property
     def from_datasheet(self) -> list[str]:
         """The names of the values that were not set."""
-        return [key for key in type(self).model_fields if key not in self.model_fields_set and key != "pin"]
+        return [key for key in type(self).model_fields if key not in (*self.model_fields_set, *_ELSEWHERE)]
 
     @property
     def is_calibrated(self) -> bool:
@@ -76,8 +114,8 @@ class Calibration(BaseModel):
 
     @property
     def complete(self) -> dict[str, Any]:
-        """Every value, set or not."""
-        return {key: getattr(self, key) for key in type(self).model_fields}
+        """Every value that a table of pulses needs, set or not."""
+        return {key: getattr(self, key) for key in type(self).model_fields if key not in ("output", "bus")}
 
     def pulse_us(self, angle_deg: float) -> float:
         """Return the pulse width for a joint angle, µs, neither rounded nor clamped."""

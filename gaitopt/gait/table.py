@@ -13,7 +13,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,8 @@ _JSON = re.compile(rf'^[\s\[{{]*"{MARK}"')
 
 _ROW = re.compile(r"^[ \t]*(\d[\d., ]*)$", re.MULTILINE | re.ASCII)
 
+Unit = Literal["us", "steps"]
+
 _Word = Annotated[int, Field(ge=0, le=65535), PLAIN_NUMBER]
 _Microseconds = Annotated[int, Field(ge=1, le=2**32 - 1), PLAIN_NUMBER]
 
@@ -58,6 +60,7 @@ class _Header(BaseModel):
     servos: dict[str, Calibration]
     start_us: tuple[_Word, ...]
     slew_us: tuple[_Word, ...]
+    unit: Unit = "us"
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,7 @@ class GaitTable:
         led_pin: GPIO that goes high at gait time 0, if any.
         pulses: rows of pulses, µs. Row k is the mean of the wave over the interval centred on phase
             k / len(pulses), so an edge between two samples keeps its time.
+        unit: of what is called pulses here, µs or, for the positions of servos on a bus, steps.
     """
 
     gait: Gait
@@ -84,6 +88,7 @@ class GaitTable:
     period_us: int
     led_pin: int | None
     pulses: tuple[tuple[int, ...], ...]
+    unit: Unit = "us"
 
     @staticmethod
     def sample(
@@ -94,6 +99,7 @@ class GaitTable:
         slew_us: Sequence[int],
         led_pin: int | None = None,
         samples: int = SAMPLES,
+        unit: Unit = "us",
     ) -> GaitTable:
         """Return the table of a gait.
 
@@ -105,6 +111,7 @@ class GaitTable:
             slew_us: largest change of each pulse per frame, µs; 0 where it is not limited.
             led_pin: GPIO that goes high at gait time 0.
             samples: number of phase samples.
+            unit: of the pulses.
         """
         complete = {name: Calibration(**servos[name].complete) for name in gait.channels}
         start = tuple(
@@ -120,7 +127,7 @@ class GaitTable:
             for row in angles.tolist()
         )
         frame_us, period_us = round(1e6 * frame_s), round(1e6 * gait.period_s)
-        return GaitTable(gait, complete, start, tuple(slew_us), frame_us, period_us, led_pin, pulses)
+        return GaitTable(gait, complete, start, tuple(slew_us), frame_us, period_us, led_pin, pulses, unit)
 
     @property
     def header(self) -> dict[str, Any]:
@@ -145,7 +152,7 @@ class GaitTable:
             "servos": {name: servo.complete for name, servo in self.servos.items()},
             "start_us": self.start_us,
             "slew_us": self.slew_us,
-        }
+        } | ({} if self.unit == "us" else {"unit": self.unit})
 
 
 def sampled_deg(gait: Gait, samples: int) -> NDArray[np.float64]:
@@ -196,6 +203,7 @@ def read_table(path: Path) -> GaitTable:
         checked.period_us,
         checked.led_pin,
         tuple(tuple(row) for row in pulses),
+        checked.unit,
     )
     if table.hash != checked.hash:
         raise GaitoptError(

@@ -17,6 +17,7 @@ import numpy as np
 from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.core.files import read_bytes, write_bytes, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
+from gaitopt.gait.calibration import SAFE_PINS
 from gaitopt.problem.guesses import (
     GuessedChannel,
     GuessedParameter,
@@ -132,7 +133,7 @@ def _text(name: str, model: str, draft: Draft) -> str:
     count = len(draft.channels)
     channels = [asdict(one) | _first_wave(one, i, count) for i, one in enumerate(draft.channels)]
     template = environment.get_template("problem.toml.jinja")
-    return template.render(name=name, model=model, draft=draft, channels=channels)
+    return template.render(name=name, model=model, draft=draft, channels=channels, pins=SAFE_PINS)
 
 
 def _first_wave(channel: GuessedChannel, index: int, count: int) -> dict[str, Any]:

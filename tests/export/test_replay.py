@@ -8,7 +8,7 @@ from exporting import table_of
 from helpers import still
 
 from gaitopt.export.handover import Choices, prepare
-from gaitopt.export.stages import command_stages, duty_us, sent_pulses
+from gaitopt.export.stages import command_stages, sent_pulses, sent_us
 from gaitopt.problem.problem import Problem
 
 
@@ -18,7 +18,7 @@ def test_the_last_stage_is_what_the_player_sends_one_frame_late(wired: Problem) 
     played = command_stages(wired, table)["player"](time)
     sent = np.array(sent_pulses(table, 150))
     for frame in (0, 1, 77, 148):
-        pulses = duty_us(sent[frame], 20_000)
+        pulses = sent_us(sent[frame], 20_000)
         wanted = [
             np.deg2rad(servo.angle_deg(pulse))
             for servo, pulse in zip(table.servos.values(), pulses, strict=True)

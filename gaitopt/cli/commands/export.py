@@ -29,6 +29,7 @@ def add_options(parser: Parser) -> None:
     )
     about = "largest speed the player commands: off, servo (its own limit) or degrees/s (default: off)"
     add("--slew", metavar="SPEED", default="off", help=about)
+    add("--board", metavar="NAME", help="esp32 (the default), esp32-s3 or esp32-c3")
     add("--led-pin", type=int, metavar="N", help="GPIO that goes high at gait time 0")
     add("--samples", type=int, default=64, metavar="N", help="phase samples (default: 64)")
     add_json(parser)
@@ -43,7 +44,7 @@ def run(options: Options) -> None:
     exported = export(
         problem_of(options),
         options.gait,
-        Choices(options.format, options.clip, options.slew, options.led_pin, options.samples),
+        Choices(options.format, options.clip, options.slew, options.led_pin, options.samples, options.board),
         options.out,
         executor=options.executor,
         workers=options.workers,
@@ -72,7 +73,7 @@ def _print_exported(exported: Exported) -> None:
 
 COMMAND = Command(
     name="export",
-    summary="write a gait as a table and a player for an ESP32 with RC servos, after a test in simulation",
+    summary="write a gait as a table and a player for RC or bus servos, after a test in simulation",
     example="gaitopt export arcfold square-1s --format micropython --out walk",
     add_options=add_options,
     run=run,

@@ -1,0 +1,32 @@
+/* Runs the sketch for three and a half seconds: g, s after two, r at the end; prints every change of an output. */
+#include "Arduino.h"
+
+inline void delay(unsigned long) {}
+#include "Wire.h"
+
+void setup();
+void loop();
+
+#include "gait.ino"
+
+int main()
+{
+    unsigned last[16] = {};
+    setup();
+    std::printf("%d clocks a step, %lu Hz\n", mock_pca9685.registers[0xFE] + 1, Wire.hertz);
+    for (uint32_t ms = 0; ms <= 3500; ms++) {
+        mock_micros = 4294000000u + 1000 * ms;
+        if (ms == 0 || ms == 2000 || ms == 3400) {
+            mock_typed = ms == 0 ? "g" : ms == 2000 ? "s" : "r";
+        }
+        loop();
+        for (int output = 0; output < 16; output++) {
+            const unsigned now = mock_pca9685.steps(output);
+            if (now != last[output]) {
+                std::printf("%u ms: %d %u\n", static_cast<unsigned>(ms), output, now);
+                last[output] = now;
+            }
+        }
+    }
+    return 0;
+}
