@@ -21,16 +21,26 @@ class NewProblem:
     draft: Draft
 
 
-def draft_problem(name: str, mjcf: Path | str, out: Path | str | None = None) -> NewProblem:
+def draft_problem(
+    name: str,
+    mjcf: Path | str,
+    out: Path | str | None = None,
+    *,
+    from_motors: bool = False,
+    family: str | None = None,
+) -> NewProblem:
     """Draft the problem file of a new robot, in a folder with its MJCF.
 
     Args:
         name: name of the problem.
         mjcf: the robot.
         out: a new or an empty folder; named after the problem by default.
+        from_motors: whether motors become position servos, with what is assumed said in the file.
+        family: ``crawler``, ``quadruped``, ``hexapod``, ``snake``, ``swimmer`` or ``other``; guessed by
+            default.
 
     Raises:
         GaitoptError: the name or the MJCF cannot be used, or the folder holds something.
     """
     folder = Path(name if out is None else out)
-    return NewProblem(folder, make_problem(name, Path(mjcf), folder))
+    return NewProblem(folder, make_problem(name, Path(mjcf), folder, from_motors, family))

@@ -8,16 +8,21 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import jinja2
 import mujoco
-import numpy as np
 
 from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.core.files import read_bytes, write_bytes, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.gait.calibration import SAFE_PINS
+from gaitopt.problem.drafting.checks import check_actuators, check_angles, remarks_on
+from gaitopt.problem.drafting.family import FAMILIES, OBJECTIVES, guess_family
+from gaitopt.problem.drafting.faults import Faults
+from gaitopt.problem.drafting.gaits import FirstGait, Travel, first_gaits
+from gaitopt.problem.drafting.motors import make_servos
+from gaitopt.problem.drafting.names import name_parts
+from gaitopt.problem.drafting.standing import stance_key, stand
 from gaitopt.problem.guesses import (
     GuessedChannel,
     GuessedParameter,
@@ -30,6 +35,7 @@ from gaitopt.problem.lookup import PROBLEM_FILE
 from gaitopt.problem.mjcf import compile_mjcf, named_files, read_mjcf
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import load_problem
+from gaitopt.robot.roles import Roles
 
 _NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
 _KEY = r"[A-Za-z0-9_-]+"
@@ -41,81 +47,150 @@ class Draft:
     """What was guessed about a robot, as written to the problem file.
 
     Attributes:
+        family, family_why: its family, and what that rests on; empty where it was asked for.
         roles: what effects, metrics and reports act on.
         channels: the servos, in the model's order.
         parameters: named numbers of the model.
+        gaits: first gaits, the most promising first.
+        constraints: limits by metric, as TOML text.
+        stance: where the start targets come from.
+        changes: how the copy of the MJCF differs from the original.
+        remarks: what a user should look at.
         timestep_s: the MJCF's timestep.
     """
 
+    family: str
+    family_why: str
     roles: GuessedRoles
     channels: Sequence[GuessedChannel]
     parameters: Mapping[str, GuessedParameter]
+    gaits: Sequence[FirstGait]
+    constraints: Mapping[str, str]
+    stance: str
+    changes: Sequence[str]
+    remarks: Sequence[str]
     timestep_s: float
 
 
-def make_problem(name: str, mjcf: Path, folder: Path) -> Draft:
+def make_problem(
+    name: str, mjcf: Path, folder: Path, from_motors: bool = False, family: str | None = None
+) -> Draft:
     """Make a problem folder with the MJCF, the files it names and a commented problem file.
+
+    The MJCF is copied as it is, with the files that it includes. Where its parts need names, a marker or
+    servos, it is written anew, its includes resolved.
 
     Args:
         name: name of the problem.
         mjcf: the robot.
         folder: the folder to make, or an empty one to fill.
+        from_motors: whether motors become position servos.
+        family: one of `FAMILIES`; guessed by default.
 
     Raises:
         GaitoptError: the name or the MJCF cannot be used, or the folder is not empty.
     """
     if not re.fullmatch(_NAME, name):
         raise bad_value("gaitopt new", "NAME", name, "letters, digits, '_', '-' and '.'")
+    if family is not None and family not in FAMILIES:
+        raise bad_value("gaitopt new", "--family", family, " or ".join(FAMILIES), FAMILIES)
     check_new_or_empty(folder)
     root, included = read_mjcf(mjcf)
     assets = named_files(root, mjcf)
     files = [mjcf, *included, *(path for path, _ in assets.values())]
     if mjcf.parent / PROBLEM_FILE in files:
         raise GaitoptError(f"{mjcf}: it names the file {PROBLEM_FILE}; allowed: another name")
-    draft = _draft(root, mjcf, {name: data for name, (_, data) in assets.items()})
+    draft = _draft(root, mjcf, {name: data for name, (_, data) in assets.items()}, from_motors, family)
+    if draft.changes:
+        files = [path for path, _ in assets.values()]
     with filling(folder):
         for file in files:
             target = folder / file.relative_to(mjcf.parent)
             target.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(target, read_bytes(file))
+        if draft.changes:
+            ET.indent(root)
+            write_text(folder / mjcf.name, ET.tostring(root, encoding="unicode") + "\n")
         write_text(folder / PROBLEM_FILE, _text(name, mjcf.name, draft))
         nominal_mjcf(load_problem(folder))  # what was written must be a problem
     return draft
 
 
-def _draft(root: ET.Element, mjcf: Path, assets: Mapping[str, bytes]) -> Draft:
-    """Return what can be read or guessed from a robot's MJCF."""
+def _draft(
+    root: ET.Element, mjcf: Path, assets: Mapping[str, bytes], from_motors: bool, family: str | None
+) -> Draft:
+    """Return what can be read or guessed from a robot's MJCF; edit it where its parts need it."""
+    faults = Faults(mjcf)
+    named = name_parts(root)
+    changes = [f"names for {', '.join(named)} that had none"] if named else []
     model = compile_mjcf(root, mjcf, assets)
-    _check_usable(mjcf, model)
-    data = mujoco.MjData(model)
-    if model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
+    check_actuators(model, faults, from_motors)
+    check_angles(model, faults)
+    if not model.nu:
+        faults.check()
+    changes += make_servos(root, model, faults)
+    model = compile_mjcf(root, mjcf, assets)
+    if _stance_first(root, model):
+        changes.append("the keyframe of the stance comes first")
+        model = compile_mjcf(root, mjcf, assets)
     try:
-        mujoco.mj_forward(model, data)
+        standing = stand(model, faults)
     except mujoco.FatalError as error:
         raise GaitoptError(f"{mjcf}: {error}") from None
-    roles = guess_roles(model, data)
-    channels = [guess_channel(model, i) for i in range(model.nu)]
-    parameters = guess_parameters(model, root, roles.pads)
-    return Draft(roles, channels, parameters, float(model.opt.timestep))
+    faults.check()
+    roles = guess_roles(model, standing)
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, roles.marker) < 0:
+        _add_marker(root, roles, mjcf)
+        changes.append(f"the site {roles.marker} in the middle of {roles.trunk}")
+    channels = [guess_channel(model, i, float(rest)) for i, rest in enumerate(standing.targets)]
+    guessed, why = guess_family(model, standing, roles.pad_ids)
+    kind = family or guessed
+    axes = Roles(forward=tuple(roles.forward), up=tuple(roles.up)).axes
+    return Draft(
+        family=kind,
+        family_why="" if family else why,
+        roles=roles,
+        channels=channels,
+        parameters=guess_parameters(model, root, roles.pad_ids),
+        gaits=first_gaits(kind, model, standing, roles.pad_ids, axes, [_travel(one) for one in channels]),
+        constraints=OBJECTIVES[kind],
+        stance=standing.origin,
+        changes=changes,
+        remarks=[*roles.remarks, *remarks_on(model, standing, roles.up)],
+        timestep_s=float(model.opt.timestep),
+    )
 
 
-def _check_usable(mjcf: Path, model: mujoco.MjModel) -> None:
-    if model.nu == 0:
-        raise GaitoptError(f"{mjcf}: no actuators; a gait needs position servos")
-    for i in range(model.nu):
-        actuator = model.actuator(i)
-        if not actuator.name:
-            raise GaitoptError(f"{mjcf}: actuator {i} has no name; a channel is called after its actuator")
-        if actuator.biastype[0] != mujoco.mjtBias.mjBIAS_AFFINE:
-            raise bad_value(mjcf, f"actuator {actuator.name}", "not a position servo", "<position kp=…>")
-    if not any(model.site(i).name for i in range(model.nsite)):
+def _travel(channel: GuessedChannel) -> Travel:
+    low, high = channel.range_deg
+    return Travel(channel.name, low, high, channel.rest_deg, -1.0 if channel.amplitude_deg[1] <= 0.0 else 1.0)
+
+
+def _stance_first(root: ET.Element, model: mujoco.MjModel) -> bool:
+    """Move the keyframe of the stance to the front, where a robot settles from; return whether it moved."""
+    key = stance_key(model)
+    if not key:
+        return False
+    name = model.key(key).name
+    sections = root.findall("keyframe")
+    for section in sections:
+        for element in section.findall("key"):
+            if element.get("name") == name:
+                section.remove(element)
+                sections[0].insert(0, element)
+                return True
+    return False
+
+
+def _add_marker(root: ET.Element, roles: GuessedRoles, mjcf: Path) -> None:
+    """Add a site to the trunk."""
+    body = next((one for one in root.iter("body") if one.get("name") == roles.trunk), None)
+    if body is None:
         raise GaitoptError(
-            f"{mjcf}: no named site; the robot's motion is that of a site: put "
-            '<site name="marker"/> into the body that leads'
+            f"{mjcf}: no named site on the trunk {roles.trunk}, which another file brings: put "
+            '<site name="marker"/> into it'
         )
-    if not np.linalg.norm(model.opt.gravity):
-        raise GaitoptError(f"{mjcf}: no gravity; which way is up?")
+    body.append(ET.Element("site", name=roles.marker))
 
 
 def _text(name: str, model: str, draft: Draft) -> str:
@@ -130,18 +205,6 @@ def _text(name: str, model: str, draft: Draft) -> str:
         key if re.fullmatch(_KEY, key) else json.dumps(key, ensure_ascii=False)
     )
     environment.filters["toml"] = lambda value: json.dumps(value, ensure_ascii=False)
-    count = len(draft.channels)
-    channels = [asdict(one) | _first_wave(one, i, count) for i, one in enumerate(draft.channels)]
     template = environment.get_template("problem.toml.jinja")
+    channels = [asdict(one) for one in draft.channels]
     return template.render(name=name, model=model, draft=draft, channels=channels, pins=SAFE_PINS)
-
-
-def _first_wave(channel: GuessedChannel, index: int, count: int) -> dict[str, Any]:
-    """Return a servo's wave in the first gait: through half its range, one servo after another."""
-    reach = max(channel.amplitude_deg, key=abs)
-    low = channel.range_deg[0] if reach > 0.0 else channel.range_deg[1]
-    return {
-        "swing_deg": round(0.5 * reach, 3),
-        "offset_deg": round(low + 0.25 * reach, 3),
-        "phase": 0.25 * index if count == 2 else round(index / count, 4),
-    }

@@ -1,4 +1,4 @@
-"""What can be read or guessed about a robot from its MJCF: roles, channels and parameters."""
+"""What can be read or guessed about a robot from its MJCF and its stance: roles, channels and parameters."""
 
 from __future__ import annotations
 
@@ -9,19 +9,25 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from gaitopt.robot.contact import can_touch_ground
+from gaitopt.problem.drafting.family import guess_pads
+from gaitopt.problem.drafting.heading import forward_axis, up_axis
+from gaitopt.problem.drafting.motors import ASSUMED_RANGE_RAD
+from gaitopt.problem.drafting.standing import Standing, joint_travel
+from gaitopt.robot.contact import can_touch, mixed_friction
+from gaitopt.robot.tree import driven_joints, robot_bodies, surroundings, trunk
 
-_MARKER_WORDS = ("end_effector", "marker", "nose", "head", "tip", "front")
-_PAD_WORDS = ("pad", "foot", "toe", "sole", "paw", "shoe")
-_ASSUMED_RANGE_DEG = (-45.0, 45.0)
-_DEFAULT_FRICTION = (0.005, 0.0001)
-"""MuJoCo's default torsional and rolling friction, m."""
+_TRUNK_SITES = ("marker", "torso", "trunk", "body", "base", "com", "imu")
+"""What sites in the middle of a trunk are called, the best first."""
+
+_MARKERS = ("marker", "end_effector")
+"""What a site elsewhere is called that is meant as marker."""
 
 _QUOTES = {"'", '"'}
 
-_LOWEST_SHARE = 0.1
-"""Geoms within this share of the model's size above the lowest one count as lowest."""
+NEW_MARKER = "marker"
+"""Site that is added to a trunk without any."""
 
 
 @dataclass(frozen=True)
@@ -29,17 +35,20 @@ class GuessedRoles:
     """Roles as written to the problem file; see `Roles`.
 
     Attributes:
-        marker, pads, body, hinges, forward, up: the roles.
+        marker, trunk, pads, body, hinges, forward, up: the roles.
         remarks: how they were guessed.
+        pad_ids: geom ids of the pads.
     """
 
     marker: str
+    trunk: str
     pads: Sequence[str]
     body: Sequence[str]
     hinges: Sequence[str]
     forward: Sequence[float]
     up: Sequence[float]
     remarks: Sequence[str]
+    pad_ids: Sequence[int]
 
 
 @dataclass(frozen=True)
@@ -70,55 +79,68 @@ class GuessedParameter:
     sets: str
 
 
-@dataclass(frozen=True)
-class _Touching:
-    """The named geoms that may touch the ground, by role."""
-
-    pads: list[str]
-    body: list[str]
-    remarks: list[str]
-
-
-def guess_roles(model: mujoco.MjModel, data: mujoco.MjData) -> GuessedRoles:
+def guess_roles(model: mujoco.MjModel, standing: Standing) -> GuessedRoles:
     """Return the roles of a robot.
 
     Args:
-        model: the robot; it has a named site and gravity.
-        data: the robot in its first pose, after `mj_forward`.
+        model: the robot; its parts are named.
+        standing: how it stands.
     """
-    touching = _touching(model, data)
-    forward, why = _forward(model, data)
-    up = [round(float(g), 6) + 0.0 for g in -model.opt.gravity / np.linalg.norm(model.opt.gravity)]
+    pads, why_pads = guess_pads(model, standing)
+    up, why_up = up_axis(model)
+    forward, why_forward = forward_axis(model, standing.drawn, pads, up)
+    marker, why_marker = _marker(model)
+    base = trunk(model)
+    others = [geom for geom in _touchable(model) if geom not in pads]
     return GuessedRoles(
-        _marker(model),
-        touching.pads,
-        touching.body,
-        _passive_hinges(model),
-        forward,
-        up,
-        [why, *touching.remarks],
+        marker=marker,
+        trunk=str(model.body(base).name),
+        pads=[str(model.geom(i).name) for i in pads],
+        body=[str(model.geom(i).name) for i in others if model.geom(i).name],
+        hinges=_passive_hinges(model),
+        forward=[round(float(x), 6) + 0.0 for x in forward],
+        up=[round(float(x), 6) + 0.0 for x in up],
+        remarks=[
+            f"trunk: {model.body(base).name}, the root of the heaviest tree that the actuators move",
+            why_forward,
+            *filter(None, [why_up]),
+            why_pads,
+            why_marker,
+        ],
+        pad_ids=pads,
     )
 
 
-def guess_channel(model: mujoco.MjModel, actuator: int) -> GuessedChannel:
-    """Return the bounds of a servo, from its own limits or from those of its joint."""
-    joint = int(model.actuator_trnid[actuator, 0])
-    on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+def guess_channel(model: mujoco.MjModel, actuator: int, rest: float) -> GuessedChannel:
+    """Return the bounds of a servo, from its own limits or from those of what it turns.
+
+    Args:
+        model: the robot.
+        actuator: the servo.
+        rest: its start target, rad.
+    """
+    travel = joint_travel(model, actuator)
     if model.actuator_ctrllimited[actuator]:
-        ends, origin = model.actuator_ctrlrange[actuator], "the actuator's ctrlrange"
-    elif on_joint and model.jnt_limited[joint]:
-        ends, origin = model.jnt_range[joint], "the joint's range"
+        ends, origin = model.actuator_ctrlrange[actuator].tolist(), "the actuator's ctrlrange"
+    elif np.isfinite(travel).all():
+        ends, origin = list(travel), "the joint's range"
     else:
-        ends, origin = np.deg2rad(_ASSUMED_RANGE_DEG), "assumed: the MJCF limits neither servo nor joint"
+        ends = [rest - ASSUMED_RANGE_RAD, rest + ASSUMED_RANGE_RAD]
+        origin = "assumed: the MJCF limits neither servo nor joint"
+    turned = driven_joints(model, actuator)
+    if len(turned) > 1:
+        origin += f"; the length of a tendon over {', '.join(model.joint(j).name for j in turned)}"
+    elif any(int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_SLIDE) for j in turned):
+        origin += "; a slide: one degree here is 0.01745 m"
     low, high = (round(float(end), 3) for end in np.rad2deg(ends))
     width = round(high - low, 3)
     amplitude = (-width, 0.0) if high <= 0.0 else (0.0, width)
-    rest = min(max(0.0, low), high)
-    return GuessedChannel(model.actuator(actuator).name, (low, high), amplitude, rest, origin)
+    held = min(max(round(float(np.rad2deg(rest)), 3), low), high)
+    return GuessedChannel(str(model.actuator(actuator).name), (low, high), amplitude, held, origin)
 
 
 def guess_parameters(
-    model: mujoco.MjModel, root: ET.Element, pads: Sequence[str]
+    model: mujoco.MjModel, root: ET.Element, pads: Sequence[int]
 ) -> dict[str, GuessedParameter]:
     """Return the numbers that all servos, or all pads, share, by name.
 
@@ -138,14 +160,15 @@ def guess_parameters(
         if low == -high:
             sets = '{ "actuator/position/@forcerange" = "-{} {}" }'
             found["torque_limit"] = GuessedParameter(high, "N m", sets)
-    frictions = {tuple(model.geom(name).friction.tolist()) for name in pads}
-    if (
-        not any(set(name) >= _QUOTES for name in pads)
-        and len(frictions) == 1
-        and next(iter(frictions))[1:] == _DEFAULT_FRICTION
-    ):
-        paths = ", ".join(json.dumps(_path_of(name), ensure_ascii=False) for name in pads)
-        found["mu_pads"] = GuessedParameter(frictions.pop()[0], "1", f"[{paths}]")
+    names = [str(model.geom(pad).name) for pad in pads]
+    frictions = {tuple(_friction_of(model, pad).tolist()) for pad in pads}
+    written = {element.get("name") for element in root.iter("geom")}
+    if len(frictions) == 1 and not any(set(name) >= _QUOTES or name not in written for name in names):
+        slide, spin, roll = frictions.pop()
+        paths = ", ".join(
+            f'{json.dumps(_path_of(name), ensure_ascii=False)} = "{{}} {spin!r} {roll!r}"' for name in names
+        )
+        found["mu_pads"] = GuessedParameter(slide, "1", f"{{ {paths} }}")
     return found
 
 
@@ -155,80 +178,54 @@ def _path_of(geom: str) -> str:
     return f".//geom[@name={quote}{geom}{quote}]/@friction"
 
 
-def _marker(model: mujoco.MjModel) -> str:
-    """Return the site whose name says that it is the marker, else the first site on a moving body."""
-    named = [i for i in range(model.nsite) if model.site(i).name]
-    moving = [i for i in named if model.site_bodyid[i] > 0] or named
-    return str(model.site(min(moving, key=lambda i: (_rank(model.site(i).name), i))).name)
+def _friction_of(model: mujoco.MjModel, pad: int) -> NDArray[np.float64]:
+    """Return the friction that MuJoCo uses between a pad and the first thing around that it can touch."""
+    around = [geom for geom in surroundings(model) if can_touch(model, pad, geom)]
+    return mixed_friction(model, pad, around[0]) if around else np.array(model.geom_friction[pad])
 
 
-def _rank(name: str) -> int:
-    """Return the place of the first marker's word in a name; the number of words where there is none."""
-    words = enumerate(_MARKER_WORDS)
-    return next((i for i, word in words if word in name.lower()), len(_MARKER_WORDS))
+def _marker(model: mujoco.MjModel) -> tuple[str, str]:
+    """Return the site that stands for the robot's motion, and what that rests on.
+
+    It is a site in the middle of the trunk, or else one that is called marker, or else a new one.
+    """
+    base = trunk(model)
+    sites = [i for i in range(model.nsite) if model.site(i).name]
+    on_trunk = [i for i in sites if int(model.site_bodyid[i]) == base]
+    called = [i for i in sites if any(word in model.site(i).name.lower() for word in _MARKERS)]
+    if on_trunk:
+        best = min(on_trunk, key=lambda i: (*_rank(model, i), i))
+        return str(model.site(best).name), f"marker: the site {model.site(best).name} of the trunk"
+    if called:
+        return str(model.site(called[0]).name), "marker: the site that is called so, as the trunk has none"
+    return NEW_MARKER, "marker: a site added to the trunk, which has none"
 
 
-def _touching(model: mujoco.MjModel, data: mujoco.MjData) -> _Touching:
-    """Return which named geoms are pads, which others may touch the ground, and how that was guessed."""
-    own = [i for i in range(model.ngeom) if model.geom_bodyid[i] > 0 and can_touch_ground(model, i)]
-    named = [i for i in own if model.geom(i).name]
-    remarks = []
-    if len(named) < len(own):
-        remarks.append(f"{len(own) - len(named)} geoms that may touch the ground have no name: name them")
-    pads = _geoms_by_word(model, named)
-    if pads:
-        remarks.append("pads: geoms called after pads or feet, or on bodies that are")
-    else:
-        pads = _lowest(model, data, named)
-        remarks.append("pads: no geom is called after a foot or a pad; these are the lowest")
-    names = [str(model.geom(i).name) for i in named]
-    grip = {str(model.geom(i).name) for i in pads}
-    return _Touching([n for n in names if n in grip], [n for n in names if n not in grip], remarks)
+def _rank(model: mujoco.MjModel, site: int) -> tuple[bool, int, float]:
+    """Return how far a site of the trunk is from being its middle: by its name, then by its distance, m."""
+    name, base = model.site(site).name.lower(), trunk(model)
+    own = name == model.body(base).name.lower()
+    word = next((i for i, word in enumerate(_TRUNK_SITES) if word in name), len(_TRUNK_SITES))
+    return not own, word, float(np.linalg.norm(model.site_pos[site] - model.body_ipos[base]))
 
 
-def _geoms_by_word(model: mujoco.MjModel, geoms: Sequence[int]) -> list[int]:
-    """Return the geoms whose names, or else whose bodies' names, have the first pad's word that fits any."""
-    own = {i: str(model.geom(i).name).lower() for i in geoms}
-    bodies = {i: str(model.body(int(model.geom_bodyid[i])).name).lower() for i in geoms}
-    for names in (own, bodies):
-        for word in _PAD_WORDS:
-            found = [i for i in geoms if word in names[i]]
-            if found:
-                return found
-    return []
-
-
-def _lowest(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int]) -> list[int]:
-    """Return the lowest geoms."""
-    height = [float(data.geom_xpos[i, 2] - model.geom_rbound[i]) for i in geoms]
-    limit = min(height, default=0.0) + _LOWEST_SHARE * model.stat.extent
-    return [i for i, h in zip(geoms, height, strict=True) if h <= limit]
+def _touchable(model: mujoco.MjModel) -> list[int]:
+    """Return the robot's geoms that collide with something around it."""
+    around = surroundings(model)
+    own = np.flatnonzero(robot_bodies(model)[model.geom_bodyid]).tolist()
+    return [geom for geom in own if any(can_touch(model, geom, other) for other in around)]
 
 
 def _passive_hinges(model: mujoco.MjModel) -> list[str]:
-    driven = {int(model.actuator_trnid[i, 0]) for i in range(model.nu)}
-    hinge, floating = int(mujoco.mjtJoint.mjJNT_HINGE), _floating_joints(model)
+    """Return the robot's hinges that no actuator turns, without those by which the trunk moves."""
+    driven = {joint for i in range(model.nu) for joint in driven_joints(model, i)}
+    own, base, hinge = robot_bodies(model), trunk(model), int(mujoco.mjtJoint.mjJNT_HINGE)
     found = [
-        model.joint(i).name
+        str(model.joint(i).name)
         for i in range(model.njnt)
-        if int(model.jnt_type[i]) == hinge and i not in driven and i not in floating
+        if int(model.jnt_type[i]) == hinge
+        and i not in driven
+        and own[model.jnt_bodyid[i]]
+        and int(model.jnt_bodyid[i]) != base
     ]
-    return [str(name) for name in found if name]
-
-
-def _floating_joints(model: mujoco.MjModel) -> set[int]:
-    """Return the joints between the world and the first body; they are no hinges of the robot."""
-    return {i for i in range(model.njnt) if model.body_parentid[model.jnt_bodyid[i]] == 0}
-
-
-def _forward(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[float], str]:
-    """Return the direction of travel, and how it was guessed."""
-    for i in sorted(_floating_joints(model)):
-        axis = np.abs(model.jnt_axis[i])
-        if int(model.jnt_type[i]) == int(mujoco.mjtJoint.mjJNT_SLIDE) and axis[2] < 0.5:
-            forward = [float(a) for a in np.round(model.jnt_axis[i], 6)]
-            return forward, f"forward: the axis of the joint {model.joint(i).name!r}"
-    own = np.flatnonzero(model.geom_bodyid > 0)
-    sides = np.ptp(data.geom_xpos[own, :2], axis=0) if len(own) else np.array([1.0, 0.0])
-    longer = [1.0, 0.0, 0.0] if sides[0] >= sides[1] else [0.0, 1.0, 0.0]
-    return longer, "forward: the robot's longer side; turn it round if it walks backwards"
+    return [name for name in found if name]

@@ -1,0 +1,148 @@
+"""Families of robots: what a robot of each kind walks like at first, and what it is held to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from gaitopt.problem.drafting.standing import Standing
+from gaitopt.robot.tree import driven_joints, robot_bodies, trunk
+
+FAMILIES = ("crawler", "quadruped", "hexapod", "snake", "swimmer", "other")
+
+_WATER = 100.0
+"""A fluid denser than this carries a swimmer, kg/m^3; air has 1.2."""
+
+
+@dataclass(frozen=True)
+class Limb:
+    """A leg, or what else carries a foot.
+
+    Attributes:
+        feet: its geoms that grip.
+        servos: the actuators between the trunk and its feet, from the trunk on.
+    """
+
+    feet: tuple[int, ...]
+    servos: tuple[int, ...]
+
+
+def guess_pads(model: mujoco.MjModel, standing: Standing) -> tuple[list[int], str]:
+    """Return the geoms that grip, and what that rests on.
+
+    A robot that stands with its trunk off the ground stands on its pads. Of one whose trunk lies on the
+    ground, the pads are the ends of driven limbs that touch it, if only while a servo moves; a robot without
+    such limbs grips with all that touches.
+    """
+    touching = sorted(standing.touching)
+    if not any(int(model.geom_bodyid[geom]) == trunk(model) for geom in touching):
+        if touching:
+            return touching, "pads: what touches the ground at rest under the start targets"
+        return [], "pads: none, as nothing touches the ground at rest"
+    ends = set() if is_chain(model) else _ends(model)
+    reaching = sorted(
+        geom for geom in standing.touching | standing.swinging if int(model.geom_bodyid[geom]) in ends
+    )
+    if reaching:
+        return (
+            reaching,
+            "pads: ends of driven limbs that touch the ground while servos move, as the trunk lies on it",
+        )
+    return touching, "pads: all that touches the ground at rest under the start targets"
+
+
+def is_chain(model: mujoco.MjModel) -> bool:
+    """Return whether a robot is one chain of bodies, each with a joint to the next."""
+    own = robot_bodies(model)
+    moving = [i for i in np.flatnonzero(own).tolist() if model.body_jntnum[i] and i != trunk(model)]
+    parents = [_jointed_parent(model, body) for body in moving]
+    return len(set(parents)) == len(parents) and len(moving) > 1
+
+
+def _jointed_parent(model: mujoco.MjModel, body: int) -> int:
+    """Return the body from which a body moves: its next ancestor with a joint, or the trunk."""
+    parent, base = int(model.body_parentid[body]), trunk(model)
+    while parent not in (0, base) and not model.body_jntnum[parent]:
+        parent = int(model.body_parentid[parent])
+    return parent
+
+
+def _ends(model: mujoco.MjModel) -> set[int]:
+    """Return the bodies at the ends of limbs that an actuator moves, with what is fixed to them."""
+    own = np.flatnonzero(robot_bodies(model)).tolist()
+    inner = {int(model.body_parentid[body]) for body in own if model.body_jntnum[body]}
+    ancestors = set(inner)
+    for body in inner:
+        while body:
+            ancestors.add(body)
+            body = int(model.body_parentid[body])
+    ends = {body for body in own if body not in ancestors and body != trunk(model)}
+    return {body for body in ends if _servos_above(model, body)}
+
+
+def _servos_above(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the actuators that turn a joint between the trunk and a body, from the trunk on."""
+    path = []
+    while body not in (0, trunk(model)):
+        path.append(body)
+        body = int(model.body_parentid[body])
+    found: list[int] = []
+    for link in reversed(path):
+        for actuator in range(model.nu):
+            bodies = [int(model.jnt_bodyid[joint]) for joint in driven_joints(model, actuator)]
+            if link in bodies and actuator not in found:
+                found.append(actuator)
+    return found
+
+
+def limbs_of(model: mujoco.MjModel, pads: Sequence[int]) -> list[Limb]:
+    """Return the limbs of a robot: pads that hang at the trunk by the same body, or by the same servos."""
+    found: dict[tuple[int, ...], list[int]] = {}
+    for pad in pads:
+        servos = tuple(_servos_above(model, int(model.geom_bodyid[pad])))
+        if servos:
+            found.setdefault(servos, []).append(pad)
+    shared = {key for key in found for other in found if key != other and set(key) < set(other)}
+    return [Limb(tuple(feet), servos) for servos, feet in found.items() if servos not in shared]
+
+
+def guess_family(model: mujoco.MjModel, standing: Standing, pads: Sequence[int]) -> tuple[str, str]:
+    """Return the family of a robot, and what that rests on."""
+    limbs = limbs_of(model, pads)
+    apart = len({limb.servos[0] for limb in limbs}) == len(limbs)
+    lies = any(int(model.geom_bodyid[geom]) == trunk(model) for geom in standing.touching)
+    if model.opt.density > _WATER:
+        return "swimmer", f"it is in a fluid of {model.opt.density:g} kg/m^3"
+    if is_chain(model) and model.nu > 1 and (lies or not limbs):
+        return "snake", "it is one chain of links that lies on the ground"
+    if apart and len(limbs) in (4, 6):
+        return {4: "quadruped", 6: "hexapod"}[len(limbs)], f"it has {len(limbs)} limbs with feet"
+    if lies:
+        return "crawler", "its trunk lies on the ground"
+    return "other", f"it stands on {len(pads)} pads of {len(limbs)} limbs"
+
+
+OBJECTIVES: Mapping[str, Mapping[str, str]] = {
+    "crawler": {
+        "airtime": "max = 0.1, scale = 0.05",
+        "tilt_rad": "max = 0.8, scale = 0.2",
+        "sideways_ratio": "max = 0.35, scale = 0.35",
+    },
+    "quadruped": {
+        "tilt_rad": "max = 0.6, scale = 0.2",
+        "sideways_ratio": "max = 0.35, scale = 0.35",
+        "yaw_rate_rad_s": "max = 0.2, scale = 0.2",
+    },
+    "hexapod": {
+        "tilt_rad": "max = 0.6, scale = 0.2",
+        "sideways_ratio": "max = 0.35, scale = 0.35",
+        "yaw_rate_rad_s": "max = 0.2, scale = 0.2",
+    },
+    "snake": {"airtime": "max = 0.1, scale = 0.05", "sideways_ratio": "max = 0.5, scale = 0.35"},
+    "swimmer": {"sideways_ratio": "max = 0.5, scale = 0.35"},
+    "other": {"tilt_rad": "max = 0.8, scale = 0.2", "sideways_ratio": "max = 0.35, scale = 0.35"},
+}
+"""Limits by family: a trot flies for moments, a swimmer always, and the head of a snake swings and turns."""

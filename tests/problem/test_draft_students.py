@@ -1,0 +1,182 @@
+"""Files as students write them: what is wrong is said at once, and the rest is asked of MuJoCo."""
+
+from pathlib import Path
+
+import pytest
+
+from gaitopt.cli import app as cli
+from gaitopt.core.errors import GaitoptError
+from gaitopt.problem.draft import Draft, make_problem
+from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.robot import Robot
+from gaitopt.simulation.metrics import measure
+from gaitopt.simulation.rollout import Simulator
+
+FLOOR = '<geom type="plane" size="5 5 0.1"/>'
+RAMP = '<body pos="0.6 0 0"><geom type="box" size="0.1 0.3 0.01" euler="0 -10 0"/></body>'
+BOX = '<body name="box" pos="-0.5 0 0.1"><freejoint/><geom type="box" size="0.05 0.05 0.05"/></body>'
+
+LEG = """
+<body pos="{x} {y} 0">
+  <joint name="hip_{n}" axis="0 1 0" range="-40 40" damping="0.02" armature="1e-4"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -0.05" size="0.006" mass="0.01"/>
+  <body pos="0 0 -0.05">
+    <joint name="knee_{n}" axis="0 1 0" range="-60 60" damping="0.02" armature="1e-4"/>
+    <geom type="capsule" fromto="0 0 0 0 0 -0.05" size="0.006" mass="0.01"/>
+    <geom type="sphere" pos="0 0 -0.055" size="0.008" mass="0.002"/>
+  </body>
+</body>
+"""
+CORNERS = {"a": (0.06, 0.04), "b": (0.06, -0.04), "c": (-0.06, 0.04), "d": (-0.06, -0.04)}
+LEGS = "".join(LEG.format(n=n, x=x, y=y) for n, (x, y) in CORNERS.items())
+DOG = f'<body pos="0 0 0.12"><freejoint/><geom type="box" size="0.08 0.03 0.015" mass="0.1"/>{LEGS}</body>'
+SERVOS = "".join(
+    f'<position joint="{kind}_{n}" kp="4" forcerange="-0.3 0.3"/>'
+    for n in CORNERS
+    for kind in ("hip", "knee")
+)
+
+
+def mjcf(world: str, servos: str, more: str = "") -> str:
+    return f"<mujoco>{more}<worldbody>{world}</worldbody><actuator>{servos}</actuator></mujoco>"
+
+
+def drafted(folder: Path, text: str, **options: bool | str) -> tuple[Draft, Problem]:
+    path = folder / "robot.xml"
+    path.write_text(text)
+    draft = make_problem("mine", path, folder / "mine", **options)
+    return draft, load_problem(folder / "mine")
+
+
+def speeds(problem: Problem) -> dict[str, float]:
+    simulator = Simulator.build(problem)
+    robot = Robot.of(simulator.models[0])
+    return {
+        name: measure(problem, gait, simulator.run(gait), robot)["speed_m_s"]
+        for name, gait in problem.baselines.items()
+    }
+
+
+def test_a_dog_without_names_behind_a_ramp_trots(tmp_path: Path) -> None:
+    draft, problem = drafted(tmp_path, mjcf(FLOOR + RAMP + BOX + DOG, SERVOS))
+    assert draft.family == "quadruped"
+    assert list(problem.baselines) == ["trot", "walk", "bound"]
+    assert "airtime" not in problem.objective.constraints
+    roles = problem.roles
+    assert roles.forward == (1.0, 0.0, 0.0)
+    assert len(roles.pads) == 4
+    simulator = Simulator.build(problem)
+    model = simulator.models[0]
+    assert {int(model.geom(pad).type[0]) for pad in roles.pads} == {2}  # spheres: the feet
+    assert model.body(roles.trunk).jntnum[0] == 1
+    assert model.site(roles.marker).bodyid[0] == model.body(roles.trunk).id
+    assert problem.channel_names == [f"{kind}_{n}" for n in CORNERS for kind in ("hip", "knee")]
+    assert speeds(problem)["trot"] > 0.01
+
+
+def test_a_dog_that_lies_along_y_goes_along_y(tmp_path: Path) -> None:
+    turned = DOG.replace('<body pos="0 0 0.12">', '<body name="dog" pos="0 0 0.12" euler="0 0 90">')
+    _, problem = drafted(tmp_path, mjcf(FLOOR + turned, SERVOS))
+    assert problem.roles.forward == (0.0, 1.0, 0.0)
+    assert speeds(problem)["trot"] > 0.01
+
+
+def test_a_keyframe_is_the_stance_whichever_it_is(tmp_path: Path) -> None:
+    pose = "0 0 0.12 1 0 0 0" + " 0.3 -0.6" * 4
+    keys = f'<keyframe><key name="flat"/><key name="home" qpos="{pose}"/></keyframe>'
+    draft, problem = drafted(tmp_path, mjcf(FLOOR + DOG, SERVOS, keys))
+    assert "home" in draft.stance
+    held = problem.file.start.ctrl_deg
+    assert held["hip_a"] == pytest.approx(17.189, abs=1e-3)
+    assert held["knee_d"] == pytest.approx(-34.377, abs=1e-3)
+
+
+def test_motors_become_servos_that_hold_the_robot(tmp_path: Path) -> None:
+    motors = SERVOS.replace("position", "motor").replace(
+        'kp="4" forcerange="-0.3 0.3"', 'gear="0.3" ctrlrange="-1 1"'
+    )
+    with pytest.raises(GaitoptError, match="--from-motors"):
+        drafted(tmp_path, mjcf(FLOOR + DOG, motors))
+    draft, problem = drafted(tmp_path, mjcf(FLOOR + DOG, motors), from_motors=True)
+    assert any("assumed" in change for change in draft.changes)
+    assert problem.file.parameters["torque_limit"].value == pytest.approx(0.3)
+    assert len(problem.roles.pads) == 4
+    assert max(speeds(problem).values()) > 2e-3
+
+
+LINK = """
+<body name="link{n}" pos="-0.06 0 0">
+<joint name="bend{n}" axis="0 0 1" range="-60 60" damping="1e-3" armature="1e-5"/>
+<geom type="capsule" fromto="0 0 0 -0.05 0 0" size="0.01" mass="0.02"/>{rest}</body>
+"""
+
+
+def snake(links: int) -> str:
+    rest = ""
+    for n in reversed(range(links)):
+        rest = LINK.format(n=n, rest=rest)
+    head = '<geom name="head" type="capsule" fromto="0 0 0 -0.05 0 0" size="0.01" mass="0.02"/>'
+    return f'<body name="first" pos="0 0 0.011"><freejoint/>{head}{rest}</body>'
+
+
+def bends(links: int) -> str:
+    return "".join(f'<position joint="bend{n}" kp="1" forcerange="-0.2 0.2"/>' for n in range(links))
+
+
+def test_a_snake_undulates_and_a_swimmer_swims(tmp_path: Path) -> None:
+    draft, problem = drafted(tmp_path, mjcf(FLOOR + snake(5), bends(5)))
+    assert draft.family == "snake"
+    assert len(problem.roles.pads) == 6
+    assert "tilt_rad" not in problem.objective.constraints
+    (tmp_path / "wet").mkdir()
+    water = '<option density="1000" viscosity="1e-3" gravity="0 0 0"/>'
+    draft, problem = drafted(tmp_path / "wet", mjcf(snake(5), bends(5), water))
+    assert draft.family == "swimmer"
+    assert problem.roles.pads == []
+    assert "airtime" not in problem.objective.constraints
+    assert speeds(problem)["undulation"] > 0.005
+    (tmp_path / "asked").mkdir()
+    draft, _ = drafted(tmp_path / "asked", mjcf(FLOOR + snake(5), bends(5)), family="crawler")
+    assert [gait.name for gait in draft.gaits] == ["first-guess"]
+
+
+def test_all_mistakes_are_told_at_once_each_with_its_remedy(tmp_path: Path) -> None:
+    servos = '<motor joint="hip_a" gear="1" ctrlrange="-1 1"/><position joint="hip_b" ctrlrange="-30 30"/>'
+    with pytest.raises(GaitoptError) as error:
+        drafted(tmp_path, mjcf(DOG, servos))
+    text = str(error.value)
+    assert "3 problems" in text
+    for part in ("--from-motors", "write it in rad", '<geom name="floor" type="plane"'):
+        assert part in text
+    assert "\n" not in text
+
+
+def test_a_joint_that_makes_the_simulation_diverge_is_named(tmp_path: Path) -> None:
+    bare = DOG.replace(' damping="0.02" armature="1e-4"', "")
+    stiff = SERVOS.replace('kp="4" forcerange="-0.3 0.3"', 'kp="500"')
+    with pytest.raises(GaitoptError, match="add armature and damping to hip_a"):
+        drafted(tmp_path, mjcf(FLOOR + bare, stiff))
+
+
+def test_a_spatial_tendon_is_refused_and_a_fixed_one_is_a_channel(tmp_path: Path) -> None:
+    joints = '<joint joint="hip_a" coef="0.5"/><joint joint="hip_b" coef="0.5"/>'
+    tendon = f'<tendon><fixed name="pair">{joints}</fixed></tendon>'
+    servos = SERVOS.replace('joint="hip_a"', 'tendon="pair"', 1)
+    draft, problem = drafted(tmp_path, mjcf(FLOOR + DOG, servos, tendon))
+    assert problem.channel_names[0] == "pair"
+    assert problem.roles.hinges == []
+    assert "tendon over hip_a, hip_b" in draft.channels[0].origin
+    (tmp_path / "spatial").mkdir()
+    sites = FLOOR + '<site name="hook"/>' + DOG.replace("<freejoint/>", '<freejoint/><site name="eye"/>')
+    spatial = '<tendon><spatial name="rope"><site site="hook"/><site site="eye"/></spatial></tendon>'
+    with pytest.raises(GaitoptError, match="rope: pulls at no hinge or slide"):
+        drafted(tmp_path / "spatial", mjcf(sites, SERVOS + '<position tendon="rope"/>', spatial))
+
+
+def test_the_command_says_what_it_rests_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "robot.xml").write_text(mjcf(FLOOR + DOG, SERVOS))
+    out = tmp_path / "mine"
+    assert cli.main(["new", "mine", "--mjcf", str(tmp_path / "robot.xml"), "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    for part in ("family: quadruped, as it has 4 limbs", "forward:", "pads: what touches", "names for"):
+        assert part in printed
