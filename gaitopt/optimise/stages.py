@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gaitopt.core.errors import GaitoptError, nearest
 from gaitopt.optimise.solvers.cma_es import CmaEs
@@ -42,6 +42,8 @@ class Stage:
             and the first gaits.
         may_descend: whether a cheaper rung of the fidelity ladder may judge its populations. The best
             gaits of that rung are then evaluated again at the working fidelity.
+        tied: whether it searches only gaits that obey the problem's ties.
+        freed: whether it goes on without the ties, with random numbers of its own.
     """
 
     solver: Solver
@@ -49,6 +51,8 @@ class Stage:
     spread: float | None = None
     from_search: bool = False
     may_descend: bool = False
+    tied: bool = False
+    freed: bool = False
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,30 @@ DEFAULT_METHOD = Method(
     FirstBatch(),
 )
 """CMA-ES from a quasi-random batch or a plan, then a polish by Nelder–Mead."""
+
+
+FREED_SHARE = 0.25
+"""Share of the budget for the search without ties, where the problem file does not say it."""
+
+_FREED_SPREAD = 0.05
+"""Length of its first steps: it begins at a good gait."""
+
+
+def with_ties(method: Method, freed_share: float | None) -> Method:
+    """Return a method for a problem with ties: all its stages obey them, and then its first one is freed.
+
+    Args:
+        method: the method.
+        freed_share: share of the budget for the freed stage; `FREED_SHARE` by default.
+    """
+    share = FREED_SHARE if freed_share is None else freed_share
+    stages = tuple(replace(stage, tied=True) for stage in method.stages)
+    if share > 0.0:
+        freed = replace(
+            stages[0], share=share, spread=_FREED_SPREAD, from_search=True, tied=False, freed=True
+        )
+        stages = (*stages, freed)
+    return replace(method, stages=stages, first=method.first or FirstBatch())
 
 
 def method_names() -> list[str]:

@@ -12,6 +12,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import silent
 from gaitopt.core.streams import Stream, generator
 from gaitopt.gait.gait import Gait
+from gaitopt.gait.ties import TiedSpace
 from gaitopt.optimise import pareto
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.journal import WORKING, Entry, Journal, at_rung, ranked
@@ -22,7 +23,7 @@ from gaitopt.optimise.solvers.cma_es import CmaEs
 from gaitopt.optimise.solvers.solution import Box, Evaluate
 from gaitopt.optimise.solvers.solver import Choose, Minimisation, draws
 from gaitopt.optimise.solvers.surrogate import SurrogateSettings, most_promising
-from gaitopt.optimise.stages import DEFAULT_METHOD, Method, Stage
+from gaitopt.optimise.stages import DEFAULT_METHOD, FirstBatch, Method, Stage, with_ties
 
 LOWER = "lower"
 """The rung of gaits judged below the working fidelity; `Study.rungs` says how far below."""
@@ -91,6 +92,8 @@ class Study:
         self._settings = settings
         self._lowest = evaluator
         self._space = evaluator.setup.problem.space
+        self._tied_spaces = evaluator.setup.problem.tied_spaces
+        self._ties: TiedSpace | None = None
         self._recorder = Recorder(journal, self._space, budget, on_progress)
         self._evaluate = self._recorder.evaluate
 
@@ -125,6 +128,9 @@ class Study:
         """
         settings = self._settings
         self._until = self.budget - (round(settings.front.share * self.budget) if front else 0)
+        if self._tied_spaces:
+            gait = self.evaluator.setup.problem.file.gait
+            method = with_ties(method, gait.freed_share if gait else None)
         start = self._start(method, starts, planned)
         spread = settings.planned_spread if planned else settings.spread
         for index, stage in enumerate(method.stages):
@@ -148,6 +154,8 @@ class Study:
     def _start(self, method: Method, starts: Sequence[Start], planned: Sequence[Gait]) -> NDArray[np.float64]:
         """Evaluate the gaits of the plan or the first batch, and return the best point known then."""
         known = [_Known(self._space.encode(start.gait), start.cost) for start in starts]
+        if self._tied_spaces:
+            return self._tied_start(method, starts, planned)
         if planned:
             points = np.array([self._space.encode(gait) for gait in planned])[: self._left]
             known += self._known("plan", points)
@@ -157,6 +165,28 @@ class Study:
         if not known:
             return np.full(len(self._space.variables), 0.5)
         return min(known, key=lambda one: one.cost).point
+
+    def _tied_start(
+        self, method: Method, starts: Sequence[Start], planned: Sequence[Gait]
+    ) -> NDArray[np.float64]:
+        """Evaluate known gaits and a first batch within the ties of each template; go on with the best ties.
+
+        Returns:
+            The best point known within them.
+        """
+        given = [*planned, *(start.gait for start in starts)]
+        batch = (method.first or FirstBatch()).count(self._until) // len(self._tied_spaces)
+        bests: list[tuple[float, int, NDArray[np.float64]]] = []
+        for index, ties in enumerate(self._tied_spaces):
+            left = self._left // (len(self._tied_spaces) - index)
+            drawn = quasi_random(ties, max(1, batch), self.seed, Stream.TIED_FIRST_BATCH, index)
+            points = ties.lift(np.array([*map(ties.encode, given), *drawn])[:left])
+            if len(points):
+                best = min(self._known(ties.name, points), key=lambda one: one.cost)
+                bests.append((best.cost, index, best.point))
+        _, chosen, point = min(bests, key=lambda one: one[:2])
+        self._ties = self._tied_spaces[chosen]
+        return point
 
     def _known(self, method: str, points: NDArray[np.float64]) -> list[_Known]:
         costs = self._evaluate(method, points, self.evaluator).tolist()
@@ -173,8 +203,12 @@ class Study:
         solver = stage.solver
         descends = laddered and stage.may_descend and budget >= self._settings.ladder.from_gaits
         costs = self._descending(stage) if descends else self._costs(stage)
-        choose = self._chooser(lambda entry: entry.evaluation.cost)
-        box, rng = Box(self._space.circular), draws(solver, self.seed)
+        ties = self._ties if stage.tied else None
+        choose = self._chooser(lambda entry: entry.evaluation.cost, ties)
+        rng = generator(self.seed, Stream.FREED_SEARCH) if stage.freed else draws(solver, self.seed)
+        box = Box((ties or self._space).circular)
+        if ties is not None:
+            x0, costs = ties.project([x0])[0], _within(ties, costs)
         solver.minimise(Minimisation(costs, box, x0, spread, budget, rng, choose))
         if stage.may_descend:
             self._climb(solver.name)
@@ -244,14 +278,31 @@ class Study:
         box, spread, choose = Box(self._space.circular), self._settings.front.spread, self._chooser(aim)
         CmaEs().minimise(Minimisation(costs, box, start, spread, budget, rng, choose))
 
-    def _chooser(self, aim: pareto.Aim) -> Choose:
-        """Return the chooser of candidates, from all evaluations so far on the rung that judges them."""
+    def _chooser(self, aim: pareto.Aim, ties: TiedSpace | None = None) -> Choose:
+        """Return the chooser of candidates, from all evaluations so far on the rung that judges them.
+
+        Args:
+            aim: what the candidates are judged by.
+            ties: the ties that candidates obey, if any; other evaluations then count by their free channels.
+        """
+        space = ties or self._space
 
         def choose(candidates: NDArray[np.float64], count: int) -> NDArray[np.float64]:
             known = at_rung(self.entries, self._rung)
-            points = np.array([entry.point for entry in known]).reshape(-1, candidates.shape[1])
+            points = np.array([entry.point for entry in known]).reshape(-1, len(self._space.variables))
+            if ties is not None:
+                points = ties.project(points).reshape(-1, candidates.shape[1])
             costs = np.array([aim(entry) for entry in known])
-            circular, settings = self._space.circular, self._settings.surrogate
+            circular, settings = space.circular, self._settings.surrogate
             return most_promising(points, costs, candidates, count, circular, settings)
 
         return choose
+
+
+def _within(ties: TiedSpace, costs: Evaluate) -> Evaluate:
+    """Return the costs of points of the space of some ties."""
+
+    def within(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return costs(ties.lift(points))
+
+    return within

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,10 +17,12 @@ from gaitopt.effects.active import ActiveEffect, EffectValues, Tables, active_ef
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.gait.table import is_table, read_gait_file
+from gaitopt.gait.ties import TiedSpace
 from gaitopt.problem.likeness import like_another
 from gaitopt.problem.lookup import model_file, problem_file
 from gaitopt.problem.objective import Objective
 from gaitopt.problem.records import Horizon, ProblemFile, Simulation
+from gaitopt.problem.ties import tied_spaces
 from gaitopt.robot.roles import Roles
 
 _T = TypeVar("_T")
@@ -122,9 +124,12 @@ class Problem:
         Raises:
             GaitoptError: the file has no ``[gait]``.
         """
-        gait = self._given("[gait]", self.file.gait, "a search for gaits")
-        spaces = {name: channel.space for name, channel in self.file.channels.items()}
-        return GaitSpace(gait.period_s, {name: space for name, space in spaces.items() if space is not None})
+        return self.file.gait_space(self._given("[gait]", self.file.gait, "a search for gaits"))
+
+    @cached_property
+    def tied_spaces(self) -> Sequence[TiedSpace]:
+        """The smaller gait spaces with which a search begins, one for each template; none without ties."""
+        return tied_spaces(self.file.gait, self.space) if self.file.gait else ()
 
     @property
     def objective(self) -> Objective:

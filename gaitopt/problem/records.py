@@ -10,7 +10,7 @@ from gaitopt.core.errors import unknown_name
 from gaitopt.core.validation import PLAIN_NUMBER, Name
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.gait import Channel
-from gaitopt.gait.space import ChannelSpace
+from gaitopt.gait.space import ChannelSpace, GaitSpace
 from gaitopt.problem.fields import (
     FileRecord,
     Finite,
@@ -23,6 +23,7 @@ from gaitopt.problem.fields import (
 )
 from gaitopt.problem.objective import Objective
 from gaitopt.problem.tags import TagTables
+from gaitopt.problem.ties import GaitBounds, tied_spaces
 from gaitopt.problem.tolerances import Tolerances, with_moved_tolerances
 from gaitopt.robot.roles import Roles
 
@@ -226,12 +227,6 @@ class Planar(FileRecord):
     links: tuple[str, str]
 
 
-class GaitBounds(FileRecord):
-    """The periods that a search may use, s."""
-
-    period_s: tuple[Period, Period]
-
-
 class ProblemFile(FileRecord):
     """The content of a problem file.
 
@@ -287,6 +282,12 @@ class ProblemFile(FileRecord):
         for name, channel in self.channels.items():
             if channel.amplitude_deg is None:
                 raise ValueError(f"channels.{name}.amplitude_deg: missing; [gait] needs it")
+        tied_spaces(gait, self.gait_space(gait))
+
+    def gait_space(self, gait: GaitBounds) -> GaitSpace:
+        """Return the gait space of a search within bounds."""
+        spaces = {name: channel.space for name, channel in self.channels.items()}
+        return GaitSpace(gait.period_s, {name: space for name, space in spaces.items() if space is not None})
 
 
 def _ceil(value: float) -> int:
