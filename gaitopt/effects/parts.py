@@ -98,6 +98,29 @@ class Parts:
         """Geom ids of what is not the robot: the ground, obstacles, and what lies loose."""
         return surroundings(self.model, self.named_bodies)
 
+    @property
+    def static_surroundings(self) -> list[int]:
+        """Geom ids of what is around the robot and never moves."""
+        model = self.model
+        return [g for g in self.surroundings if int(model.body_weldid[model.geom_bodyid[g]]) == 0]
+
+    def overruled_by(self, geom: int) -> list[int]:
+        """Return what stands still around the robot and has no lower priority in contacts with a geom.
+
+        MuJoCo then takes the friction of the other, or the larger coefficient. Contacts of explicit pairs
+        have friction of their own.
+        """
+        model = self.model
+        paired = (model.pair_geom1 == geom) | (model.pair_geom2 == geom)
+        if paired.any():
+            return []
+        own = int(model.geom_priority[geom])
+        return [
+            other
+            for other in self.static_surroundings
+            if can_touch(model, geom, other) and int(model.geom_priority[other]) >= own
+        ]
+
     def touches_ground(self, geom: int) -> bool:
         """Return whether a geom collides with anything around the robot."""
         return any(can_touch(self.model, geom, other) for other in self.surroundings)

@@ -12,6 +12,7 @@ import numpy as np
 
 from gaitopt.core.errors import GaitoptError, bad_value, found
 from gaitopt.effects.parts import Parts
+from gaitopt.problem.friction import let_friction_act
 from gaitopt.problem.held import hold
 from gaitopt.problem.matching import check_matches
 from gaitopt.problem.mjcf import compile_mjcf, named_files, parse_mjcf, path_from, read_mjcf
@@ -42,6 +43,12 @@ def nominal_mjcf(problem: Problem) -> str:
     """
     root = _parameterised(problem)
     _set_fidelity(root, problem.simulation.working)
+    if problem.file.friction == "robot" and not problem.file.start.held:
+        model = compile_for(problem, root)
+        check_matches(model, problem)
+        parts = Parts(model, problem.roles, problem.channel_names)
+        if any(parts.overruled_by(geom) for geom in parts.touching):
+            let_friction_act(root, parts, _with_named_friction(root, problem, model))
     if problem.file.start.settle:
         _write_start(root, problem)
     model = compile_for(problem, root)
@@ -159,6 +166,21 @@ def _parameterised(problem: Problem) -> ET.Element:
     if problem.file.start.held:
         hold(root, compile_for(problem, root), START, problem.model_path)
     return root
+
+
+def _with_named_friction(root: ET.Element, problem: Problem, model: mujoco.MjModel) -> list[int]:
+    """Return the geoms whose friction a named parameter sets: another value changes it."""
+    other, touched = copy.deepcopy(root), False
+    for name, parameter in problem.file.parameters.items():
+        changed = parameter.model_copy(update={"value": 0.5 * parameter.value + 0.1234})
+        for path, template in parameter.sets.items():
+            if path.endswith("/@friction"):
+                _set_attribute(other, path, template, changed, f"{problem.source}: parameters.{name}.sets")
+                touched = True
+    if not touched:
+        return []
+    unlike = compile_for(problem, other).geom_friction != model.geom_friction
+    return np.flatnonzero(unlike.any(axis=1)).tolist()
 
 
 def _set_attribute(root: ET.Element, path: str, template: str, parameter: Parameter, source: str) -> None:

@@ -230,6 +230,9 @@ class Planar(FileRecord):
 class ProblemFile(FileRecord):
     """The content of a problem file.
 
+    ``friction`` says whose coefficients count where the robot touches the ground: the ``robot``'s own, as
+    named parameters and effects set them (see `problem.friction`), or what ``mujoco`` makes of both.
+
     ``[gait]`` and ``[objective]``, like `Roles.marker` and `Roles.pads`, are optional. Code that needs a
     missing one says so: see `Problem.require`.
     """
@@ -239,6 +242,7 @@ class ProblemFile(FileRecord):
     model: str | None = None
     parameters: dict[Name, Parameter] = Field(default_factory=dict)
     roles: Roles
+    friction: Literal["robot", "mujoco"] = "robot"
     start: Start = Start()
     gait: GaitBounds | None = None
     channels: Annotated[dict[Name, ChannelBounds], Field(min_length=1)]

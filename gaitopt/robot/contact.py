@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,41 @@ def can_touch(model: mujoco.MjModel, one: int, other: int) -> bool:
 def can_touch_ground(model: mujoco.MjModel, geom: int) -> bool:
     """Return whether a geom collides with any geom around the robot."""
     return any(can_touch(model, geom, other) for other in surroundings(model))
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The parameters of a contact of two geoms.
+
+    Attributes:
+        condim: dimensions of the contact force.
+        friction: coefficients of sliding, torsional (m) and rolling (m) friction, shape (3,).
+        solref, solimp: compliance of the contact, shapes (2,) and (5,).
+    """
+
+    condim: int
+    friction: NDArray[np.float64]
+    solref: NDArray[np.float64]
+    solimp: NDArray[np.float64]
+
+
+def mixed_contact(model: mujoco.MjModel, one: int, other: int) -> Contact:
+    """Return the parameters of a contact of two geoms by MuJoCo's rules: priority, else maximum and mean."""
+    geoms = [one, other]
+    priority = model.geom_priority[geoms]
+    weights = model.geom_solmix[geoms] / max(float(model.geom_solmix[geoms].sum()), 1e-15)
+    condim = model.geom_condim[geoms].max()
+    if priority[0] != priority[1]:
+        weights = (priority == priority.max()).astype(float)
+        condim = model.geom_condim[geoms[int(priority.argmax())]]
+    solref = model.geom_solref[geoms]
+    direct = weights.max() < 1.0 and bool((solref[:, 0] <= 0.0).any())
+    return Contact(
+        condim=int(condim),
+        friction=mixed_friction(model, one, other),
+        solref=solref.min(axis=0) if direct else weights @ solref,
+        solimp=weights @ model.geom_solimp[geoms],
+    )
 
 
 def mixed_friction(model: mujoco.MjModel, one: int, other: int) -> NDArray[np.float64]:

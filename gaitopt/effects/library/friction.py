@@ -43,6 +43,20 @@ def scale_friction(model: mujoco.MjModel, geoms: Sequence[int], factor: float) -
         friction.scale(index, factor)
 
 
+def without_say(parts: Parts, geoms: Sequence[int]) -> str | None:
+    """Return that the friction of a geom is not what MuJoCo uses where it touches the ground, or None."""
+    for geom in geoms:
+        for other in parts.overruled_by(geom):
+            names = [parts.model.geom(i).name or "the ground" for i in (other, geom)]
+            return f"{names[0]} has no lower priority than {names[1]}: its friction counts, or the larger one"
+    return None
+
+
+def pads_without_say(parts: Parts) -> str | None:
+    """Return the same of the pads."""
+    return without_say(parts, parts.pads)
+
+
 def _scale_pads(parts: Parts, scale: float, _: float) -> None:
     scale_friction(parts.model, parts.pads, scale)
 
@@ -52,7 +66,9 @@ def _scale_body(parts: Parts, scale: float, _: float) -> None:
 
 
 def _one_pad(parts: Parts) -> str | None:
-    return None if len(parts.pads) > 1 else "the problem names one pad in roles.pads"
+    if len(parts.pads) < 2:
+        return "the problem names one pad in roles.pads"
+    return pads_without_say(parts)
 
 
 def _unbalance(parts: Parts, ratio: float, _: float) -> None:
@@ -77,6 +93,7 @@ PAD_FRICTION = Effect(
     ),
     allowed=(0.0, math.inf),
     role="pads",
+    missing=pads_without_say,
     model=_scale_pads,
 )
 
@@ -92,6 +109,7 @@ BODY_FRICTION = Effect(
     prior=Prior("log-normal", 1.0, 0.25, "card on wood or plastic: 0.2 to 0.5 by handbook"),
     allowed=(0.0, math.inf),
     role="body",
+    missing=lambda parts: without_say(parts, parts.body),
     model=_scale_body,
 )
 

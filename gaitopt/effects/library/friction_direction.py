@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from gaitopt.effects.added import added_name
 from gaitopt.effects.effect import Effect, Update
-from gaitopt.effects.library.friction import Friction
+from gaitopt.effects.library.friction import Friction, pads_without_say
 from gaitopt.effects.library.ground_loads import load_addresses, sense_pads
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
-from gaitopt.robot.contact import can_touch, mixed_friction
+from gaitopt.robot.contact import can_touch, mixed_contact
 
 
 def _contact_axes(up: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -65,19 +65,12 @@ def _set_pairs(parts: Parts, ratio: float, _: float) -> None:
 def _mix(model: mujoco.MjModel, pair: int) -> None:
     """Set a pair's contact parameters by MuJoCo's rules: priority, else maximum and weighted mean."""
     geoms = [int(model.pair_geom1[pair]), int(model.pair_geom2[pair])]
-    priority = model.geom_priority[geoms]
-    weights = model.geom_solmix[geoms] / max(float(model.geom_solmix[geoms].sum()), 1e-15)
-    if priority[0] != priority[1]:
-        weights = (priority == priority.max()).astype(float)
-        model.pair_dim[pair] = model.geom_condim[geoms[int(priority.argmax())]]
-    else:
-        model.pair_dim[pair] = model.geom_condim[geoms].max()
-    slide, spin, roll = mixed_friction(model, *geoms)
-    solref = model.geom_solref[geoms]
-    direct = weights.max() < 1.0 and bool((solref[:, 0] <= 0.0).any())
+    contact = mixed_contact(model, *geoms)
+    slide, spin, roll = contact.friction
+    model.pair_dim[pair] = contact.condim
     model.pair_friction[pair] = slide, slide, spin, roll, roll
-    model.pair_solref[pair] = solref.min(axis=0) if direct else weights @ solref
-    model.pair_solimp[pair] = weights @ model.geom_solimp[geoms]
+    model.pair_solref[pair] = contact.solref
+    model.pair_solimp[pair] = contact.solimp
     model.pair_margin[pair] = model.geom_margin[geoms].max()
     model.pair_gap[pair] = model.geom_gap[geoms].max()
 
@@ -139,6 +132,7 @@ FRICTION_DIRECTION = Effect(
     ),
     allowed=(0.0, math.inf),
     role="pads",
+    missing=pads_without_say,
     structure=sense_pads,
     loop=_directed,
 )

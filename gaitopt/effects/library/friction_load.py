@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.effects.effect import LOOP_INTERVAL_S, Effect, Update
-from gaitopt.effects.library.friction import Friction
+from gaitopt.effects.library.friction import Friction, without_say
 from gaitopt.effects.library.ground_loads import load_addresses, sense_loads
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
@@ -73,7 +73,9 @@ def _loaded(parts: Parts, exponent: float) -> Update:
 
 
 def _nothing_touches(parts: Parts) -> str | None:
-    return None if parts.touching else "the problem names no roles.pads and no roles.body"
+    if not parts.touching:
+        return "the problem names no roles.pads and no roles.body"
+    return without_say(parts, parts.touching)
 
 
 FRICTION_LOAD = Effect(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gaitopt.core.streams import GRIP_VARIATION_SEED, Stream, generator
 from gaitopt.effects.effect import LOOP_INTERVAL_S, Effect, Update
-from gaitopt.effects.library.friction import Friction
+from gaitopt.effects.library.friction import Friction, pads_without_say
 from gaitopt.effects.library.ground_loads import load_addresses, sense_pads
 from gaitopt.effects.parts import Parts
 from gaitopt.effects.prior import Prior
@@ -69,6 +69,7 @@ GRIP_VARIATION = Effect(
     ),
     allowed=(0.0, 2.0),
     role="pads",
+    missing=pads_without_say,
     structure=sense_pads,
     loop=_gripping,
 )

@@ -13,7 +13,8 @@ class CheckSettings:
         rest_s: how long the robot is held at its start, s.
         rest_marker_m_s: fastest marker of a robot at rest, m/s; required of the keyframe ``start``.
         rest_joint_rad_s: fastest joint of a robot at rest, rad/s: likewise.
-        parameter_change: factor by which a named parameter is changed to see whether it acts.
+        parameter_change: factor by which a named parameter is multiplied, and then divided, to see whether it
+            acts.
         parameter_at_zero: value tried instead for a parameter that is 0.
         parameter_s: shortest rollout in which it must act, s.
         airtime: largest share of time in flights: a crawler does not fly.
@@ -33,7 +34,7 @@ class CheckSettings:
     rest_s: float = 5.0
     rest_marker_m_s: float = 1e-4
     rest_joint_rad_s: float = 1e-3
-    parameter_change: float = 1.1
+    parameter_change: float = 2.0
     parameter_at_zero: float = 1e-3
     parameter_s: float = 2.0
     airtime: float = 0.02
