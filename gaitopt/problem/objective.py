@@ -38,6 +38,21 @@ class Quantile(FileRecord):
     quantile: Annotated[float, Field(strict=True, ge=0.0, le=0.5)]
 
 
+class Battery(FileRecord):
+    """The battery, for the distance per charge.
+
+    Attributes:
+        energy_wh: energy of a charge, W h.
+        efficiency: mechanical over electrical power of the servos. Assumed: small brushed motors with gears
+            have 0.2 to 0.5.
+        idle_w: power that is drawn at rest, W. Assumed: a board with radio and a few servos.
+    """
+
+    energy_wh: Positive
+    efficiency: Annotated[float, Field(strict=True, gt=0.0, le=1.0)] = 0.3
+    idle_w: Positive = 0.5
+
+
 class Objective(FileRecord):
     """What to look for: weighted metrics to minimise, and limits that must hold.
 
@@ -50,6 +65,8 @@ class Objective(FileRecord):
         over_scenarios: how a gait is judged over its scenarios. By the ``mean``, limits hold for mean
             metrics. By the ``worst``, they hold in every scenario. By a quantile, at most this share of
             the scenarios may be worse, and may violate a limit.
+        wanted_speed_m_s: forward speed that is wanted, for the metrics of it, m/s.
+        battery: the battery, for the distance per charge.
     """
 
     terms: dict[str, Finite]
@@ -57,6 +74,8 @@ class Objective(FileRecord):
     penalty: Positive = 1.0
     search_margin: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] = 0.0
     over_scenarios: Literal["mean", "worst"] | Quantile = "mean"
+    wanted_speed_m_s: Positive | None = None
+    battery: Battery | None = None
 
     @field_validator("over_scenarios", mode="before")
     @classmethod
@@ -66,6 +85,11 @@ class Objective(FileRecord):
         if not (number or value in ("mean", "worst") or isinstance(value, Quantile)):
             raise ValueError(f'found {value!r}; allowed: "mean", "worst" or {{ quantile = 0 to 0.5 }}')
         return {"quantile": float(share)} if share is not None else value
+
+    @property
+    def named(self) -> set[str]:
+        """The metrics that it names."""
+        return {*self.terms, *self.constraints}
 
     @property
     def worse_share(self) -> float | None:

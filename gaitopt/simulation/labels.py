@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gaitopt.core.quantities import figure, stem_of, unit_of
-from gaitopt.simulation.metrics import METRICS
+from gaitopt.simulation.metrics import AIMS, METRICS
 
 _TITLES: Mapping[str, str] = {
     "name": "gait",
@@ -22,7 +22,7 @@ _TITLES: Mapping[str, str] = {
 def title_of(name: str) -> str:
     """Return the title of a figure without its unit: "forward speed" for ``speed_m_s``."""
     stem, _, part = stem_of(name).partition(".")
-    titles = {stem_of(metric.name): metric.title for metric in METRICS.values() if metric.title}
+    titles = {stem_of(metric.name): metric.title for metric in (METRICS | AIMS).values() if metric.title}
     title = titles.get(stem) or _TITLES.get(stem) or stem.replace("_", " ")
     return title + (f", {part}" if part else "")
 
@@ -50,5 +50,5 @@ def shown(name: str, value: object) -> str:
 
 def _unit(name: str) -> tuple[str, float]:
     """Return the unit in which a figure is shown, and the factor to it."""
-    metric = METRICS.get(name.partition(".")[0])
+    metric = (METRICS | AIMS).get(name.partition(".")[0])
     return ("%", 100.0) if metric is not None and metric.share else unit_of(name)

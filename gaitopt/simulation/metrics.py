@@ -15,6 +15,7 @@ import numpy as np
 from gaitopt.gait.drive import Drive
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
+from gaitopt.robot.signals import MARKER
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.window import Window
 
@@ -51,6 +52,7 @@ class Metric:
         per_cycle: whether it is of one cycle, and left out where nothing repeats.
         of_marker: whether it is of the marker's travel, and left out without ``roles.marker``.
         of_ground: whether it is of how the robot stands on the ground, and left out where it is held.
+        needs: field of the objective that it needs, if any.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Metric:
     per_cycle: bool = False
     of_marker: bool = False
     of_ground: bool = False
+    needs: str = ""
 
 
 def measure(problem: Problem, drive: Drive, trajectory: Trajectory, robot: Robot) -> Metrics:
@@ -80,23 +83,28 @@ def measure(problem: Problem, drive: Drive, trajectory: Trajectory, robot: Robot
     if trajectory.status != "ok":
         return dict.fromkeys(names, math.nan)
     window = Window.of(problem, drive, trajectory, robot)
-    values = {name: METRICS[name].formula(window) for name in names if name in METRICS}
+    metrics = METRICS | AIMS
+    values = {name: metrics[name].formula(window) for name in names if name in metrics}
     return values | {f"{REACHED.name}.{channel}": share for channel, share in window.reached.items()}
 
 
-def metric_names(problem: Problem, cyclic: bool = True) -> list[str]:
+def metric_names(problem: Problem, cyclic: bool = True, unused: bool = False) -> list[str]:
     """Return the names of a problem's metrics, in the order in which `measure` gives them.
 
     Args:
         problem: the problem; without ``roles.marker``, metrics of its travel are left out; where the robot is
             held, metrics of how it stands are, too.
         cyclic: whether there are cycles; without, metrics of a cycle are left out.
+        unused: whether those of `AIMS` count that the objective does not name.
     """
+    objective = problem.file.objective
+    aims = set(AIMS) if unused else set(AIMS) & (objective.named if objective else set())
     marked, held = problem.roles.marker is not None, problem.file.start.held
     names = [
         name
-        for name, metric in METRICS.items()
-        if (marked or not metric.of_marker)
+        for name, metric in (METRICS | AIMS).items()
+        if (name in METRICS or name in aims)
+        and (marked or not metric.of_marker)
         and (cyclic or not metric.per_cycle)
         and not (held and metric.of_ground)
     ]
@@ -166,6 +174,33 @@ def _command_speed_ratio(window: Window) -> float:
     with np.errstate(over="ignore"):  # practically a square wave
         peaks = window.peak_command_speed[limited] / no_load[limited]
     return float(peaks.max(initial=0.0))
+
+
+def _straightness(window: Window) -> float:
+    """Return net travel over the length of the path, both in the plane, from one cycle to the next."""
+    forward, left, _ = window.axes
+    ends = np.linspace(window.begin_s, window.end_s, (window.cycles or 1) + 1)
+    series = [np.interp(ends, window.trajectory.time, window.trajectory[name]) for name in MARKER]
+    steps = np.diff(np.stack(series), axis=1)
+    along = np.stack([forward @ steps, left @ steps])
+    path = float(np.linalg.norm(along, axis=0).sum())
+    return float(np.linalg.norm(along.sum(axis=1))) / path if path > 0.0 else 0.0
+
+
+def _wanted(window: Window) -> float:
+    """Return the wanted forward speed, m/s; NaN where none is given."""
+    objective = window.problem.file.objective
+    return (objective.wanted_speed_m_s if objective else None) or math.nan
+
+
+def _distance_per_charge(window: Window) -> float:
+    """Return how far the robot goes with the energy of its battery, m."""
+    objective = window.problem.file.objective
+    battery = objective.battery if objective else None
+    if battery is None:
+        return math.nan
+    drawn = window.power / battery.efficiency + battery.idle_w
+    return window.velocity[0] * 3600.0 * battery.energy_wh / drawn
 
 
 SPEED = Metric(
@@ -272,6 +307,51 @@ _IN_ORDER = (
     ),
     REACHED,
 )
+
+_AIMS = (
+    Metric(
+        "turning_rad_s",
+        "net turning rate, left positive, with its sign",
+        _yaw_rate,
+        title="turning to the left",
+        of_ground=True,
+    ),
+    Metric(
+        "straightness",
+        "net travel over the length of the path from cycle to cycle; 1 is straight",
+        _straightness,
+        share=True,
+        per_cycle=True,
+        of_marker=True,
+    ),
+    Metric(
+        "speed_error",
+        "difference from the wanted forward speed, over it",
+        lambda window: abs(window.velocity[0] / _wanted(window) - 1.0),
+        title="error of the speed",
+        share=True,
+        of_marker=True,
+        needs="wanted_speed_m_s",
+    ),
+    Metric(
+        "cost_at_wanted_speed",
+        "power over weight and wanted speed: the cost of transport of a gait that has this speed",
+        lambda window: window.power / (window.robot.weight * _wanted(window)),
+        title="cost of transport at the wanted speed",
+        needs="wanted_speed_m_s",
+    ),
+    Metric(
+        "distance_per_charge_m",
+        "forward distance until the battery is empty",
+        _distance_per_charge,
+        title="distance per charge",
+        of_marker=True,
+        needs="battery",
+    ),
+)
+
+AIMS: dict[str, Metric] = {metric.name: metric for metric in _AIMS}
+"""Metrics that only objectives which name them have, by name; they come after those of every problem."""
 
 METRICS: dict[str, Metric] = {metric.name: metric for metric in _IN_ORDER}
 """Every metric by name, in the order of tables and files; ``reached.CHANNEL`` comes after them all."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaitopt.core.errors import unknown_name
+from gaitopt.core.errors import GaitoptError, unknown_name
 from gaitopt.problem.objective import Constraint, Objective
 from gaitopt.problem.problem import Problem
-from gaitopt.simulation.metrics import Metrics, mean_metrics, metric_names
+from gaitopt.simulation.metrics import AIMS, Metrics, mean_metrics, metric_names
 
 FAILED_COST = 1e6
 """Cost of a gait whose simulation failed: worse than any possible cost of a robot."""
@@ -53,11 +53,14 @@ def check_objective(problem: Problem) -> None:
     """
     if problem.file.objective is None:
         return
-    known = metric_names(problem)
+    known = metric_names(problem, unused=True)
     for key in ("terms", "constraints"):
         for name in getattr(problem.objective, key):
             if name not in known:
                 raise unknown_name(f"{problem.source}: objective.{key}", "metric", name, known)
+            needed = AIMS[name].needs if name in AIMS else ""
+            if needed and getattr(problem.objective, needed) is None:
+                raise GaitoptError(f"{problem.source}: objective.{needed}: missing; {name} needs it")
 
 
 def check_searchable(problem: Problem) -> None:
