@@ -115,3 +115,37 @@ def steps_display(quiet: bool) -> Iterator[OnProgress]:
                 say_aside(f"{step.stage} …")
 
         yield show
+
+
+@contextmanager
+def frames_display(quiet: bool) -> Iterator[OnProgress]:
+    """Yield the function that the tracking of films calls with its progress, the number of pictures."""
+    console = plain_console(stderr=True)
+    if quiet:
+        yield silent
+    elif console.is_terminal:
+        columns = (_words("{task.description}"), BarColumn(), MofNCompleteColumn(), _words("frames"))
+        with Bar(*columns, TimeRemainingColumn(), console=console) as bar:
+            task = bar.add_task("", total=None)
+            yield lambda step: bar.update(
+                task, description=plain(step.stage), completed=step.done, total=step.total
+            )
+    else:
+        yield _film_lines()
+
+
+def _film_lines() -> OnProgress:
+    began = last = time.monotonic()
+    stage = ""
+
+    def show(step: Progress) -> None:
+        nonlocal began, last, stage
+        now = time.monotonic()
+        if step.stage != stage:
+            stage, began = step.stage, now
+        if now - last >= _PLAIN_EVERY_S and step.total:
+            last = now
+            left = (now - began) * (step.total - step.done) / max(step.done, 1)
+            say_aside(f"{step.stage}: {step.done}/{step.total} {step.unit}, about {left:.0f} s left")
+
+    return show

@@ -19,8 +19,10 @@ import matplotlib
 import pytest
 from bench_runs import bench_run
 from helpers import brief_studies
+from phone import CLOSE, SMALL, shot
 from pictures import needs_opengl
 from planting import dataset, recording_of
+from stages import stage_of, walk
 
 from gaitopt.cli import app as cli
 from gaitopt.cli import demo
@@ -101,11 +103,17 @@ def film_of_a_robot(path: Path) -> None:
     write_text(path, f"mass_A\nt\tx\ty\n{rows}\n")
 
 
+def film_of_tags(path: Path, problem: Problem) -> None:
+    """Film a tagged robot while its arch folds."""
+    shot(path, stage_of(problem), walk(problem, "square-4s", 2.4), CLOSE, SMALL, seconds=1.25, begin=0.9)
+
+
 @pytest.mark.slow
 @needs_opengl
 @pytest.mark.usefixtures("workplace")
-def test_the_readmes_commands() -> None:
+def test_the_readmes_commands(quick: Problem) -> None:
     film_of_a_robot(Path("walk.txt"))
+    film_of_tags(Path("phone.mp4"), quick)
     found = readme()
     assert len(found) >= 15
     for command in found:
@@ -157,8 +165,9 @@ def test_the_api_pages_examples(quick: Problem, capsys: pytest.CaptureFixture[st
 @pytest.mark.slow
 @needs_opengl
 @pytest.mark.usefixtures("workplace")
-def test_the_examples_of_the_help() -> None:
+def test_the_examples_of_the_help(quick: Problem) -> None:
     film_of_a_robot(Path("walk.txt"))
+    film_of_tags(Path("phone.mp4"), quick)
     arcfold = Path("arcfold") / "arcfold.xml"
     write_text(Path("walker.xml"), arcfold.read_text())
     found = dict(examples(COMMANDS, "gaitopt"))

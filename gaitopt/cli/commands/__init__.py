@@ -24,6 +24,7 @@ from gaitopt.cli.commands import (
     simulate,
     sweep,
     tags,
+    track,
 )
 
 COMMANDS: Sequence[Command] = (
@@ -41,6 +42,7 @@ COMMANDS: Sequence[Command] = (
     blind.COMMAND,
     imports.COMMAND,
     tags.COMMAND,
+    track.COMMAND,
     export.COMMAND,
     new.COMMAND,
     demo.COMMAND,

@@ -105,6 +105,8 @@ class Motion:
         name: name of the trial; that of the file by default.
         sent: the commands, where it holds some.
         zero_s: stamp of the file's own clock that is zero in `time`, s.
+        sync_at_s: stamp at which the gait began, s, where the file shows it; else that of the options.
+        fps: frames a second, where the file says it; else those of the options.
     """
 
     time: Series
@@ -113,6 +115,8 @@ class Motion:
     name: str | None = None
     sent: Sent | None = None
     zero_s: float = 0.0
+    sync_at_s: float | None = None
+    fps: float | None = None
 
 
 @dataclass(frozen=True)

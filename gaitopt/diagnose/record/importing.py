@@ -43,6 +43,8 @@ class Imported:
         defects: what is wrong with the recording, and what was changed.
         sent: the commands, where the file holds some.
         zero_s: stamp of the file's own clock that is zero in `time`, s.
+        sync_at_s: stamp at which the gait began, s, and
+        fps: frames a second, where the file shows them.
     """
 
     name: str
@@ -53,6 +55,8 @@ class Imported:
     defects: tuple[Defect, ...]
     sent: Sent | None = None
     zero_s: float = 0.0
+    sync_at_s: float | None = None
+    fps: float | None = None
 
     @property
     def channels(self) -> list[str]:
@@ -151,7 +155,7 @@ def _imported(recording: Recording, drive: Drive) -> Imported:
     defects = (*motion.defects, *clean(trial).defects)
     return Imported(
         trial.name, recording.source, recording.program, trial.time, trial.signals, defects, motion.sent,
-        motion.zero_s,
+        motion.zero_s, motion.sync_at_s, motion.fps,
     )  # fmt: skip
 
 
@@ -201,6 +205,22 @@ def import_files(
     """
     check_new_or_empty(folder)
     read = [recording for path in files for recording in read_path(path, options)]
+    return write_recordings(read, gaits, folder, options, problem)
+
+
+def write_recordings(
+    read: Sequence[Recording],
+    gaits: Sequence[str],
+    folder: Path,
+    options: ImportOptions,
+    problem: Problem | None = None,
+) -> list[Imported]:
+    """Write a data set of some recordings, each a trial; for the arguments see `import_files`.
+
+    Raises:
+        GaitoptError: the folder is not empty, or a gait is wrong, missing or too many.
+    """
+    check_new_or_empty(folder)
     each = _gait_of_each(read, gaits, options, problem)
     drives: list[Drive] = [UnknownDrive() if gait is None else gait.gait for gait in each]
     imported = [_imported(recording, drive) for recording, drive in zip(read, drives, strict=True)]
@@ -269,10 +289,12 @@ def _write_trial(
     else:
         entry["gait"] = gait
     entry |= {"file": f"{name}.csv", "time": "t_s"}
-    if options.sync_at_s is not None:
-        entry["starts_at_gait_time_s"] = recording.zero_s - options.sync_at_s
-    if options.fps is not None:
-        entry["fps"] = options.fps
+    sync_at_s = options.sync_at_s if recording.sync_at_s is None else recording.sync_at_s
+    if sync_at_s is not None:
+        entry["starts_at_gait_time_s"] = recording.zero_s - sync_at_s
+    fps = options.fps if recording.fps is None else recording.fps
+    if fps is not None:
+        entry["fps"] = fps
     return entry | {"signals": signals}
 
 

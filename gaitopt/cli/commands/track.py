@@ -1,0 +1,89 @@
+"""`gaitopt track`: films of a tagged robot to a data set."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from gaitopt.cli.command import Command, Options, Parser
+from gaitopt.cli.lines import print_json, say
+from gaitopt.cli.options import GAIT, add_json, add_quiet, problem_of
+
+
+def add_options(parser: Parser) -> None:
+    """Add the options."""
+    add = parser.add_argument
+    add("films", type=Path, metavar="FILM", nargs="+", help="films of the robot, each a trial: mp4, mov, …")
+    add("--problem", metavar="PROBLEM", required=True, help="the robot: folder, TOML, or bundled name")
+    about = f"the commanded gait ({GAIT}); one for all films, or one for each"
+    add("--gait", action="append", metavar="GAIT", required=True, help=about)
+    add("--out", type=Path, metavar="DATASET", required=True, help="the new data set's folder")
+    add(
+        "--tag",
+        dest="tags",
+        action="append",
+        default=[],
+        type=_tag,
+        metavar="ID=SITE",
+        help="where a tag sits, beside the problem's [tags]; ID=floor for one on the floor; may be repeated",
+    )
+    add("--size-mm", type=float, metavar="MM", help="edge of the black square of these tags (default: 20)")
+    add(
+        "--ruler-mm",
+        type=float,
+        default=100.0,
+        metavar="MM",
+        help="what the printed ruler of 100 mm measures (default: %(default)g)",
+    )
+    add(
+        "--sync-at",
+        action="append",
+        default=[],
+        type=float,
+        metavar="S",
+        help="time in the film at which the gait began, if it is seen; one for all films, or one each",
+    )
+    parser.set_defaults(parameters=[])
+    add_quiet(parser)
+    add_json(parser)
+
+
+def _tag(text: str) -> tuple[str, str]:
+    number, separator, site = text.partition("=")
+    if not (number and separator and site):
+        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: ID=SITE")
+    return number, site
+
+
+def run(options: Options) -> None:
+    """Track the films, and print what was found."""
+    from gaitopt.cli.progress import frames_display
+    from gaitopt.jobs.track import TrackOptions, track
+
+    unsaid = TrackOptions(
+        tags={number: None if site == "floor" else site for number, site in options.tags},
+        size_mm=options.size_mm,
+        ruler_mm=options.ruler_mm,
+        sync_at_s=options.sync_at,
+    )
+    with frames_display(options.quiet) as show:
+        done = track(options.films, problem_of(options), options.gait, options.out, unsaid, show)
+    if options.json:
+        print_json(done.to_dict())
+        return
+    for film in done.films:
+        say(film.sentence())
+        for line in film.lines():
+            say(f"  {line}")
+    for defect in done.defects:
+        say(f"- {defect.trial}: {defect.name}: {defect.message}")
+    say(f"data set: {done.folder}")
+
+
+COMMAND = Command(
+    name="track",
+    summary="measure films of a tagged robot, and write a data set",
+    example="gaitopt track phone.mp4 --problem arcfold --gait square-0.5s --out filmed",
+    add_options=add_options,
+    run=run,
+)

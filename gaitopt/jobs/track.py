@@ -1,0 +1,156 @@
+"""The job `track`: films of a tagged robot to a data set."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gaitopt.core.errors import GaitoptError, bad_value
+from gaitopt.core.folders import check_new_or_empty
+from gaitopt.core.progress import OnProgress, silent
+from gaitopt.diagnose.record.defect import Defect
+from gaitopt.diagnose.record.export import ImportOptions, Motion
+from gaitopt.diagnose.record.importing import Imported, Recording, write_recordings
+from gaitopt.jobs.inputs import check_positive
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.tags import TAG_SIZES_MM, Tag, check_tag_number
+from gaitopt.track.tracking import FilmTrack, Tracker, track_film
+
+_RULER_MM, _RULER = 100.0, (80.0, 125.0)
+"""Length of the printed ruler, and what printers make of it, mm."""
+
+
+@dataclass(frozen=True)
+class TrackOptions:
+    """What films and the problem do not say.
+
+    Attributes:
+        tags: site of further tags by number; None for one on the floor.
+        size_mm: edge of these tags, mm; 20 by default.
+        ruler_mm: length of the printed ruler of 100 mm, mm.
+        sync_at_s: time stamp at which the gait began in each film, s: one for all, or one each; none where it
+            is not known.
+    """
+
+    tags: Mapping[str, str | None] = field(default_factory=dict)
+    size_mm: float | None = None
+    ruler_mm: float = _RULER_MM
+    sync_at_s: Sequence[float] = ()
+
+
+@dataclass(frozen=True)
+class TrackRun:
+    """A data set of films.
+
+    Attributes:
+        folder: the data set.
+        films: what was found in each film.
+        recordings: the trials, as they were written.
+    """
+
+    folder: Path
+    films: tuple[FilmTrack, ...]
+    recordings: tuple[Imported, ...]
+
+    @property
+    def defects(self) -> list[Defect]:
+        """Everything that is wrong with the films."""
+        return [defect for recording in self.recordings for defect in recording.defects]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return what `gaitopt track --json` prints."""
+        pairs = zip(self.recordings, self.films, strict=True)
+        trials = [{"name": recording.name, **film.to_dict()} for recording, film in pairs]
+        rows = [defect.to_dict() for defect in self.defects]
+        return {"dataset": str(self.folder), "trials": trials, "defects": rows}
+
+
+def track(
+    films: Sequence[Path | str],
+    problem: Problem,
+    gaits: Sequence[str] | str,
+    out: Path | str,
+    options: TrackOptions | None = None,
+    on_progress: OnProgress = silent,
+) -> TrackRun:
+    """Write a data set of films of a tagged robot; nothing is written unless all can be tracked.
+
+    Args:
+        films: the films, each a trial; those of one gait are its repeats.
+        problem: the robot; its ``[tags]`` say where the tags sit.
+        gaits: what was commanded: one name or gait file for all films, or one for each.
+        out: the new data set.
+        options: what films and the problem do not say.
+        on_progress: called after some pictures.
+
+    Raises:
+        GaitoptError: the folder holds something, an option is out of range, or a film cannot be tracked.
+    """
+    options = options or TrackOptions()
+    folder, paths = Path(out), [Path(film) for film in films]
+    check_new_or_empty(folder)
+    gaits = [gaits] if isinstance(gaits, str) else list(gaits)
+    _check(options, paths, gaits, problem)
+    tracker = Tracker.of(problem, _all_tags(problem, options), options.ruler_mm / _RULER_MM)
+    tracks = [track_film(path, tracker, on_progress) for path in paths]
+    syncs = options.sync_at_s if len(options.sync_at_s) == len(paths) else [*options.sync_at_s] * len(paths)
+    read = [
+        Recording(found.film, "film", _motion(found, syncs[index] if syncs else None))
+        for index, found in enumerate(tracks)
+    ]
+    recordings = write_recordings(read, gaits, folder, ImportOptions(), problem)
+    return TrackRun(folder, tuple(tracks), tuple(recordings))
+
+
+def _motion(found: FilmTrack, sync_at_s: float | None) -> Motion:
+    defects = list(found.defects)
+    return Motion(found.time, found.signals, defects, found.film.stem, sync_at_s=sync_at_s, fps=found.fps)
+
+
+def _check(options: TrackOptions, films: Sequence[Path], gaits: Sequence[str], problem: Problem) -> None:
+    """Check what can be checked before the films are read."""
+    check_positive("size-mm", options.size_mm)
+    low, high = _RULER
+    if not low <= options.ruler_mm <= high:
+        allowed = f"{low:g} to {high:g}: what the printed ruler of {_RULER_MM:g} mm measures"
+        raise bad_value("gaitopt track", "--ruler-mm", options.ruler_mm, allowed)
+    if len(gaits) not in (1, len(films)):
+        raise GaitoptError(f"--gait: found {len(gaits)} for {len(films)} films; allowed: one, or one each")
+    if len(options.sync_at_s) not in (0, 1, len(films)):
+        found = len(options.sync_at_s)
+        raise GaitoptError(f"--sync-at: found {found} for {len(films)} films; allowed: one, or one each")
+    for sync in options.sync_at_s:
+        if not (math.isfinite(sync) and abs(sync) < 1e5):
+            raise bad_value("gaitopt track", "--sync-at", sync, "seconds from the film's first picture")
+    names = [film.stem for film in films]
+    if len(set(names)) < len(names):
+        raise GaitoptError(f"two films have the same name: {', '.join(sorted(names))}; rename one")
+    for gait in gaits:
+        problem.find_gait(gait)
+
+
+def _all_tags(problem: Problem, options: TrackOptions) -> dict[int, Tag]:
+    """Return the tags of the problem, and those of the options, by number.
+
+    Raises:
+        GaitoptError: a number or size is out of range, or two tags are on one site.
+    """
+    tags = {int(number): tag for number, tag in problem.file.tags.items()}
+    low, high = TAG_SIZES_MM
+    if options.size_mm is not None and not low <= options.size_mm <= high:
+        raise bad_value("gaitopt track", "--size-mm", options.size_mm, f"{low:g} to {high:g}")
+    size = {} if options.size_mm is None else {"size_mm": options.size_mm}
+    for text, site in options.tags.items():
+        try:
+            number = check_tag_number("--tag", text)
+        except ValueError as error:
+            raise GaitoptError(str(error)) from None
+        known = {} if number not in tags else {"size_mm": tags[number].size_mm}
+        tags[number] = Tag(site=site, **(known | size))
+    sites = [tag.site for tag in tags.values() if tag.site is not None]
+    twice = next((site for site in sites if sites.count(site) > 1), None)
+    if twice is not None:
+        raise GaitoptError(f"--tag: found the site {twice!r} twice; allowed: one tag on each site")
+    return tags

@@ -1,0 +1,137 @@
+"""Poses: a body's turn and shift from the corners of its tags, by Gauss and Newton."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gaitopt.track.opencv import opencv
+
+Array = NDArray[np.float64]
+
+_ROUNDS, _STEP = 15, 1e-10
+"""Most rounds of a fit, and the step after which it ends."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a body is.
+
+    Attributes:
+        turn: the body's axes as columns, shape (3, 3).
+        shift: its origin, m, shape (3,).
+        error: sum of the squared errors of directions.
+        spread: covariance of turn, rad, and shift, m, for errors of 1 in each direction, shape (6, 6).
+    """
+
+    turn: Array
+    shift: Array
+    error: float = 0.0
+    spread: Array | None = None
+
+    def of(self, points: Array) -> Array:
+        """Return points of the body in the outer frame, shape (..., 3)."""
+        return points @ self.turn.T + self.shift
+
+    def seen_from(self, camera: Pose) -> Pose:
+        """Return a pose of the outer frame in a camera's frame; its spread does not change."""
+        return Pose(camera.turn @ self.turn, camera.turn @ self.shift + camera.shift, self.error, self.spread)
+
+    def back(self, camera: Pose) -> Pose:
+        """Return a pose in a camera's frame as one in the outer frame, with its spread turned."""
+        spread = self.spread
+        if spread is not None:
+            turn = np.kron(np.eye(2), camera.turn.T)
+            spread = turn @ spread @ turn.T
+        return Pose(
+            camera.turn.T @ self.turn, camera.turn.T @ (self.shift - camera.shift), self.error, spread
+        )
+
+
+def fitted(points: Array, directions: Array, start: Pose) -> Pose | None:
+    """Return the pose of points in a camera's frame that fits directions best; None if there is none near.
+
+    Args:
+        points: in the body's frame, m, shape (n, 3).
+        directions: where each was seen, at distance 1 ahead, shape (n, 2).
+        start: the pose to begin with.
+    """
+    turn, shift, damping = start.turn, start.shift, 1e-6
+    error, slopes, residual = _linear(points, directions, turn, shift)
+    for _ in range(_ROUNDS):
+        normal = slopes.T @ slopes
+        step = -np.linalg.solve(
+            normal + damping * np.diag(np.diag(normal)) + 1e-15 * np.eye(6), slopes.T @ residual
+        )
+        moved = Rotation.from_rotvec(step[:3]).as_matrix() @ turn
+        tried = _linear(points, directions, moved, shift + step[3:])
+        if tried[0] <= error:
+            turn, shift, damping = moved, shift + step[3:], 0.1 * damping
+            gain = error - tried[0]
+            error, slopes, residual = tried
+            if float(np.abs(step).max()) < _STEP or gain < 1e-12 * error:
+                break
+        else:
+            damping *= 100.0
+            if damping > 1e6:
+                break
+    if not np.isfinite(error) or not (shift[2] > 0.0):
+        return None
+    return Pose(turn, shift, error, np.asarray(np.linalg.pinv(slopes.T @ slopes), dtype=float))
+
+
+def _linear(points: Array, directions: Array, turn: Array, shift: Array) -> tuple[float, Array, Array]:
+    """Return the squared error, the slopes over turn and shift, shape (2 n, 6), and the residual, (2 n,)."""
+    turned = points @ turn.T
+    x, y, z = (turned + shift).T
+    if not (z > 1e-6).all():
+        return np.inf, np.zeros((2 * len(points), 6)), np.zeros(2 * len(points))
+    residual = np.stack([x / z, y / z], axis=1) - directions
+    zero = np.zeros_like(z)
+    ahead = np.stack([np.stack([1 / z, zero, -x / z**2], 1), np.stack([zero, 1 / z, -y / z**2], 1)], axis=1)
+    a, b, c = turned.T
+    turns = np.stack([np.stack([zero, c, -b], 1), np.stack([-c, zero, a], 1), np.stack([b, -a, zero], 1)], 1)
+    slopes = np.concatenate([ahead @ turns, ahead], axis=2).reshape(-1, 6)
+    return float(np.sum(residual**2)), slopes, residual.ravel()
+
+
+def poses_of(points: Array, directions: Array, starts: Iterable[Pose] = ()) -> list[Pose]:
+    """Return the poses of flat points that fit directions, the best first: a flat thing often has two.
+
+    Args:
+        points: in the body's frame, m, shape (n, 3).
+        directions: where each was seen, at distance 1 ahead, shape (n, 2).
+        starts: further poses to begin with.
+    """
+    begins = [*starts, *_flat_starts(points, directions)]
+    found: list[Pose] = []
+    for start in begins:
+        pose = fitted(points, directions, start)
+        if pose is not None and not any(_alike(pose, other) for other in found):
+            found.append(pose)
+    return sorted(found, key=lambda pose: pose.error)
+
+
+def _alike(one: Pose, other: Pose) -> bool:
+    return float(np.abs(one.turn - other.turn).max()) < 1e-3
+
+
+def _flat_starts(points: Array, directions: Array) -> list[Pose]:
+    """Return two first guesses: the pose of a plane, and its mirror image about the line of sight."""
+    cv2 = opencv()
+    centre = points.mean(axis=0)
+    axes = np.linalg.svd(points - centre)[2]
+    if np.linalg.det(axes) < 0.0:
+        axes[2] *= -1.0
+    flat = (points - centre) @ axes.T
+    flat[:, 2] = 0.0
+    solved = cv2.solvePnPGeneric(flat, directions, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
+    starts = []
+    for turn, shift in zip(solved[1], solved[2], strict=True):
+        whole = cv2.Rodrigues(turn)[0] @ axes
+        starts.append(Pose(whole, shift.ravel() - whole @ centre))
+    return starts

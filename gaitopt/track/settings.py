@@ -1,0 +1,44 @@
+"""Settings of tracking that no option of the command line sets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class TrackSettings:
+    """How tags are found and judged. The figures are those of synthetic films at 0.5 to 1.5 m.
+
+    Attributes:
+        alike: least correlation of a picture with a tag's pattern; other tags of the family reach 0.7.
+        blur_px: blur of a pattern before it is laid on a picture, pixels: that of a lens and a video.
+        smallest_px: shortest edge of a tag that is located, pixels.
+        search_every: frames between searches of the whole picture while a tag is missing.
+        still_px: how far the tags of the floor move in the pictures of a camera on a stand, pixels.
+        sampled: pictures from which the lens and the floor are solved.
+        focal: expected focal length over the longer side of the picture: phones film at 60 to 75 degrees.
+        focal_spread: how far it may be off, relative, as a standard deviation.
+        distortion: expected size of the radial distortion: phones correct most of theirs.
+        outlier: a tag's error over the usual one, beyond which it is left out.
+        ambiguous: two poses of a tag are told apart if their squared errors differ by this many variances.
+        joint_rad: an angle of a joint is given only if it is known better than this, rad.
+        least_px: error of a corner that is never undercut, pixels.
+    """
+
+    alike: float = 0.85
+    blur_px: float = 1.0
+    smallest_px: float = 10.0
+    search_every: int = 5
+    still_px: float = 0.4
+    sampled: int = 24
+    focal: float = 0.8
+    focal_spread: float = 0.2
+    distortion: float = 0.1
+    outlier: float = 6.0
+    ambiguous: float = 12.0
+    joint_rad: float = 0.06
+    least_px: float = 0.02
+
+
+DEFAULT = TrackSettings()
+"""The settings in use."""

@@ -1,0 +1,372 @@
+"""Tracking: a film of a tagged robot becomes signals, their noise, and what is wrong with them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.core.quantities import figure, unit_of
+from gaitopt.diagnose.record.defect import Defect, counted, spans_of
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.tags import SHEET_TAGS, Tag
+from gaitopt.robot.signals import AXES, MARKER, TURNS, is_position, joint_signal
+from gaitopt.track import path as paths
+from gaitopt.track.bodies import Link, TaggedRobot
+from gaitopt.track.film import facts_of, pictures
+from gaitopt.track.floor_sheet import SHEET_MM, SHEET_TAG_MM
+from gaitopt.track.room import FloorTag, Room, Seen, solved_room
+from gaitopt.track.seeing import Eye, edge_of
+from gaitopt.track.settings import DEFAULT, TrackSettings
+
+Array = NDArray[np.float64]
+
+_FEWEST = 10
+"""Fewest pictures of a film."""
+
+_REACH = 4.0
+"""Standard deviations within which a joint has to move the bodies alike."""
+
+_SAME = 0.03
+"""A tag on the floor may be this much larger or smaller than it should be, relative."""
+
+_SAME_M = 0.01
+"""Two tags may be this much nearer or farther from each other than their sites allow, m."""
+
+
+@dataclass(frozen=True)
+class Tracker:
+    """What is looked for in films.
+
+    Attributes:
+        robot: the robot with its tags.
+        floor: the tags of the floor by number.
+        settings: how films are judged.
+    """
+
+    robot: TaggedRobot
+    floor: Mapping[int, FloorTag]
+    settings: TrackSettings = DEFAULT
+
+    @staticmethod
+    def of(
+        problem: Problem, tags: Mapping[int, Tag], scale: float = 1.0, settings: TrackSettings = DEFAULT
+    ) -> Tracker:
+        """Return what is looked for in films of a robot.
+
+        Args:
+            problem: the robot's problem.
+            tags: all tags but those of the floor sheet, by number.
+            scale: what the printer made of 1 mm, mm.
+            settings: how films are judged.
+
+        Raises:
+            GaitoptError: no tag sits on the robot, a site is unknown, or the model is broken.
+        """
+        mm = 1e-3 * scale
+        sheet = {
+            number: FloorTag(mm * SHEET_TAG_MM, np.array([mm * along, mm * left, 0.0]), fixed=True)
+            for number, (along, left) in SHEET_MM.items()
+        }
+        loose = {n: FloorTag(mm * tag.size_mm) for n, tag in tags.items() if tag.site is None}
+        on_robot = {n: tag for n, tag in tags.items() if tag.site is not None}
+        return Tracker(TaggedRobot.of(problem, on_robot, scale), sheet | loose, settings)
+
+
+@dataclass(frozen=True)
+class FilmTrack:
+    """What was found in a film.
+
+    Attributes:
+        film: the film.
+        time: time stamp of each picture from the first one, s, shape (n,).
+        signals: series by signal, m or rad, each of shape (n,), NaN in gaps.
+        noise: standard deviation of each signal's noise, m or rad.
+        shares: share of the pictures in which each tag of the robot, and of those of the floor that are seen
+            at all, is seen.
+        room: lens, floor and camera.
+        error_px: standard deviation of the corners of the tags on each body, by its site, pixels.
+        defects: what is wrong with the film, and what was left out.
+        frames: corners of the tags in each picture.
+        edges_px: median edge of each tag in the pictures, pixels.
+    """
+
+    film: Path
+    time: Array
+    signals: Mapping[str, Array]
+    noise: Mapping[str, float]
+    shares: Mapping[int, float]
+    room: Room
+    error_px: Mapping[str, float]
+    defects: tuple[Defect, ...] = ()
+    frames: Sequence[Seen] = field(default=(), repr=False)
+    edges_px: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def fps(self) -> float:
+        """Frame rate, the median, frames a second."""
+        return float(1.0 / np.median(np.diff(self.time)))
+
+    def sentence(self) -> str:
+        """Return what was found, in a line."""
+        camera = "hand-held or moved" if self.room.camera is None else "on a stand"
+        return (
+            f"{self.film}: {len(self.time)} frames in {self.time[-1]:.2f} s, camera {camera}, focal length "
+            f"{self.room.lens.focal:.0f} px (± {self.room.lens.focal_sd:.0f})"
+        )
+
+    def lines(self) -> list[str]:
+        """Return what was found of each tag, and the noise of each signal, in lines."""
+        tags = [
+            f"tag {n}: seen in {share:.0%} of the frames"
+            + (f", {self.edges_px[n]:.0f} px wide" if n in self.edges_px else "")
+            for n, share in self.shares.items()
+        ]
+        signals = [
+            f"{name}: noise {_shown(name, self.noise[name])}, in {np.isfinite(series).mean():.0%} of frames"
+            for name, series in self.signals.items()
+        ]
+        return [*tags, *signals]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return what `gaitopt track --json` prints of a film."""
+        lens = self.room.lens
+        return {
+            "film": str(self.film),
+            "frames": len(self.time),
+            "seconds": float(self.time[-1]),
+            "fps": self.fps,
+            "camera": "moving" if self.room.camera is None else "still",
+            "lens": {"focal_px": lens.focal, "focal_sd_px": lens.focal_sd, "k1": lens.k1, "k2": lens.k2},
+            "floor_error_px": self.room.error_px,
+            "tags": [
+                {"tag": n, "seen": share, "edge_px": self.edges_px.get(n)} for n, share in self.shares.items()
+            ],
+            "bodies": [{"site": site, "error_px": error} for site, error in self.error_px.items()],
+            "signals": [
+                {
+                    "signal": name,
+                    "seen": float(np.isfinite(series).mean()),
+                    ("noise_m" if is_position(name) else "noise_rad"): self.noise[name],
+                }
+                for name, series in self.signals.items()
+            ],
+        }
+
+
+def _shown(signal: str, value: float) -> str:
+    unit, factor = unit_of("_m" if is_position(signal) else "_rad")
+    return f"{figure(factor * value)} {unit}"
+
+
+def track_film(film: Path, tracker: Tracker, progress: OnProgress = silent) -> FilmTrack:
+    """Return what is found in a film.
+
+    Args:
+        film: the film.
+        tracker: what is looked for.
+        progress: called after some pictures.
+
+    Raises:
+        GaitoptError: it is no film, ends in the middle, or shows no tag of the robot or of the floor; or a
+            tag on the floor is not as large as was said.
+    """
+    robot, settings = tracker.robot, tracker.settings
+    eye = Eye([*robot.numbers(), *tracker.floor], settings)
+    time, frames, size = _seen(film, eye, progress)
+    missing = _check_seen(film, robot, frames, eye)
+    try:
+        room = solved_room(frames, tracker.floor, size, settings)
+    except GaitoptError as error:
+        raise GaitoptError(f"{film}: {error}") from None
+    _check_sizes(film, room)
+    cameras = paths.cameras_of(frames, room, settings)
+    found = {body.site: paths.path_of(body, frames, cameras, room, settings) for body in robot.bodies}
+    found = {site: path for site, path in found.items() if path.seen.any()}
+    signals, noise = _signals(robot, found)
+    joints, joint_noise, defects = _joints(film, robot, found, settings)
+    everything = [*missing, *_strangers(film, eye), *_outliers(film, found, time), *defects]
+    seen_floor = [n for n in room.floor if n in SHEET_TAGS or n in tracker.floor]
+    numbers = [*robot.numbers(), *seen_floor]
+    return FilmTrack(
+        film,
+        time,
+        signals | joints,
+        noise | joint_noise,
+        paths.shares(frames, numbers),
+        room,
+        {site: path.error_px for site, path in found.items()},
+        tuple(everything),
+        frames,
+        _edges(frames, numbers),
+    )
+
+
+def _seen(film: Path, eye: Eye, progress: OnProgress) -> tuple[Array, list[Seen], tuple[int, int]]:
+    """Return time stamps, corners of the tags in each picture, and the size of the pictures."""
+    total = facts_of(film).frames
+    times: list[float] = []
+    frames: list[Seen] = []
+    size = (0, 0)
+    for at, picture in pictures(film):
+        if times and at <= times[-1]:
+            raise GaitoptError(
+                f"{film}: time goes backward after {times[-1]:.3f} s; allowed: a film as it was made"
+            )
+        times.append(at)
+        frames.append(eye.look(picture))
+        size = (picture.shape[1], picture.shape[0])
+        progress(Progress(film.name, len(times), max(total, len(times)) or None, "frames"))
+    if len(times) < _FEWEST:
+        raise GaitoptError(f"{film}: found {counted(len(times), 'picture')}; allowed: {_FEWEST} or more")
+    return np.array(times), frames, size
+
+
+def _check_seen(film: Path, robot: TaggedRobot, frames: Sequence[Seen], eye: Eye) -> list[Defect]:
+    """Check that a tag of the robot is seen; return a defect for each that is not."""
+    shares = paths.shares(frames, robot.numbers())
+    listed = ", ".join(map(str, shares))
+    if not any(shares.values()):
+        others = ", ".join(map(str, sorted(eye.strangers)))
+        seen = f"; seen: {others}, which sit nowhere" if others else ""
+        raise GaitoptError(f"{film}: no tag of the robot is seen; looked for {listed}{seen}")
+    return [
+        Defect("tag_not_seen", film.stem, f"tag {n} is in no picture", 0)
+        for n, share in shares.items()
+        if not share
+    ]
+
+
+def _check_sizes(film: Path, room: Room) -> None:
+    """Check that the tags of the floor are as large as was said."""
+    for number, ratio in room.sizes.items():
+        if abs(ratio - 1.0) > _SAME:
+            said = 1e3 * room.floor[number].size
+            raise GaitoptError(
+                f"{film}: tag {number}: found {ratio * said:.1f} mm on the floor, by the other tags, where "
+                f"{said:g} mm was said; print at 100 %, or say size_mm in [tags.{number}], or --ruler-mm"
+            )
+
+
+def _strangers(film: Path, eye: Eye) -> list[Defect]:
+    if not eye.strangers:
+        return []
+    listed = ", ".join(map(str, sorted(eye.strangers)))
+    return [Defect("unknown_tags", film.stem, f"tags {listed} are seen, but sit nowhere: left out", 0)]
+
+
+def _outliers(film: Path, found: Mapping[str, paths.Path], time: Array) -> list[Defect]:
+    defects = []
+    for site, path in found.items():
+        if path.left_out:
+            flags = np.zeros(len(time), dtype=bool)
+            flags[list(path.left_out)] = True
+            message = (
+                f"{site}: {counted(len(path.left_out), 'picture')} with a pose that does not fit its tags"
+            )
+            share = {"share": float(flags.mean())}
+            defects.append(
+                Defect(
+                    "tag_outliers",
+                    film.stem,
+                    f"{message}: left out",
+                    len(path.left_out),
+                    spans_of(time, flags),
+                    parameters=share,
+                )
+            )
+    return defects
+
+
+def _signals(
+    robot: TaggedRobot, found: Mapping[str, paths.Path]
+) -> tuple[dict[str, Array], dict[str, float]]:
+    """Return the signals of marker and sites, and their noise.
+
+    A body that has the marker gives the marker's place; any other that of its site. Both give angles.
+    """
+    signals: dict[str, Array] = {}
+    noise: dict[str, float] = {}
+    for body in robot.bodies:
+        path = found.get(body.site)
+        if path is None:
+            continue
+        named = [f"site.{body.site}.{axis}" for axis in AXES] if body.marker is None else list(MARKER)
+        own = np.zeros(3) if body.marker is None else body.marker
+        angles = [f"site.{body.site}.{turn}" for turn in TURNS]
+        for names, (series, variances) in ((named, path.point(own)), (angles, path.angles())):
+            for index, name in enumerate(names):
+                signals[name] = series[:, index]
+                noise[name] = float(np.sqrt(np.nanmean(variances[:, index])))
+    if robot.problem.roles.marker is not None:
+        return _in_order(signals), noise
+    return signals, noise
+
+
+def _in_order(signals: Mapping[str, Array]) -> dict[str, Array]:
+    """Return signals with the marker first."""
+    return {n: signals[n] for n in sorted(signals, key=lambda name: name not in MARKER)}
+
+
+def _joints(
+    film: Path, robot: TaggedRobot, found: Mapping[str, paths.Path], settings: TrackSettings
+) -> tuple[dict[str, Array], dict[str, float], list[Defect]]:
+    """Return the angles of the joints between tagged bodies, their noise, and bodies that do not fit."""
+    signals: dict[str, Array] = {}
+    noise: dict[str, float] = {}
+    defects = []
+    for link in robot.links():
+        names = [joint_signal(name) if name else "" for name in link.names()]
+        one, other = (found.get(body.site) for body in (link.one, link.other))
+        if one is None or other is None or all(name in signals for name in names):
+            continue
+        series, variances, away = _angles(link, one, other, settings)
+        if not np.isfinite(away).any():
+            continue
+        if np.nanmedian(away) > _SAME_M:
+            message = (
+                f"the tags of {link.one.site} and {link.other.site} are {1e3 * np.nanmedian(away):.0f} mm "
+                "from where any angle of a joint puts them: are they at their sites, and of the size said?"
+            )
+            defects.append(Defect("tags_misplaced", film.stem, message, 0))
+        for index, name in enumerate(names):
+            if name and name not in signals and np.isfinite(series[:, index]).any():
+                signals[name] = series[:, index]
+                noise[name] = float(np.sqrt(np.nanmean(variances[:, index])))
+    return signals, noise, defects
+
+
+def _angles(
+    link: Link, one: paths.Path, other: paths.Path, settings: TrackSettings
+) -> tuple[Array, Array, Array]:
+    """Return angles and variances, rad, shape (n, joints), and what they leave unexplained, m, shape (n,)."""
+    count = len(one.poses)
+    series, variances = (np.full((count, len(link.joints)), np.nan) for _ in range(2))
+    away = np.full(count, np.nan)
+    last: Array | None = None
+    for index, (a, b) in enumerate(zip(one.poses, other.poses, strict=True)):
+        solved = None if a is None or b is None else link.angles(a, b, last)
+        last = None
+        if solved is None:
+            continue
+        noise = 0.5 * (one.noise + other.noise)
+        away[index], spread = solved.away, noise * solved.variances
+        if solved.error > settings.outlier**2 * noise * (6 - len(spread)):
+            continue  # one of the two poses is wrong
+        known = spread < settings.joint_rad**2
+        if known.any():
+            known &= link.straight(solved.values, _REACH * np.sqrt(spread))
+        series[index, known], variances[index, known] = solved.values[known], spread[known]
+        last = solved.values if known.all() else None
+    return series, variances, away
+
+
+def _edges(frames: Sequence[Seen], numbers: Sequence[int]) -> dict[int, float]:
+    """Return the median edge of each tag in the pictures, pixels."""
+    edges = {n: [edge_of(frame[n]) for frame in frames if n in frame] for n in numbers}
+    return {n: float(np.median(e)) for n, e in edges.items() if e}
