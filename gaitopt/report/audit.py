@@ -44,8 +44,8 @@ def _page(folder: Path, problem: Problem, findings: Sequence[Finding]) -> Page:
         title=f"{problem.name}: audit of the model",
         answer=_answer(findings, problem),
         asked={
-            "Checked": "rest at the start, inert parameters, self-collision, airtime, drift, chaos, timestep "
-            "and servos that do not follow",
+            "Checked": "ground, stance, falls, rest at the start, inert parameters, self-collision, airtime, "
+            "drift, chaos, timestep and servos that do not follow",
             "Gaits": ", ".join(problem.baselines) or "none",
             "Simulated": fidelity_text(working.timestep_s, working.integrator),
         },

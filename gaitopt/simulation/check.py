@@ -8,10 +8,11 @@ from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.audit import settings as defaults
 from gaitopt.simulation.audit.conduct import check_conduct
-from gaitopt.simulation.audit.finding import DIVERGED, Finding
+from gaitopt.simulation.audit.finding import DIVERGED, SEEN_FIRST, Finding
 from gaitopt.simulation.audit.parameters import check_parameters
 from gaitopt.simulation.audit.rest import check_rest
 from gaitopt.simulation.audit.settings import CheckSettings
+from gaitopt.simulation.audit.standing import check_ground
 from gaitopt.simulation.audit.timestep import check_timestep
 from gaitopt.simulation.rollout import Simulator
 
@@ -38,7 +39,7 @@ def check(
     settings = settings or defaults.DEFAULT
     simulator = Simulator.build(problem)
     on_progress(Progress("rest at the start"))
-    findings = list(check_rest(simulator, settings))
+    findings = [*check_ground(simulator), *check_rest(simulator, settings)]
     on_progress(Progress("inert parameters"))
     findings += check_parameters(problem, executor, settings)
     on_progress(Progress("gaits"))
@@ -46,4 +47,5 @@ def check(
     on_progress(Progress("timestep"))
     diverged = {finding.gait for finding in findings if finding.name == DIVERGED.name}
     findings += check_timestep(problem, executor, settings, diverged)
-    return findings
+    seen_first = [kind.name for kind in SEEN_FIRST]
+    return sorted(findings, key=lambda one: one.name not in seen_first)

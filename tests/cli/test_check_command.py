@@ -24,14 +24,18 @@ def test_check_finds_neither_of_the_published_defects_on_arcfold(gaitopt: Run, q
 
 
 def test_check_finds_planted_defects(gaitopt: Run, tmp_path: Path) -> None:
-    """No priority: the ground's friction of 1 wins. Feet so big that they touch. A start in the air."""
+    """Friction as MuJoCo mixes it: the ground's 1 wins. Feet so big that they touch. A start in the air."""
     folder = problem_folder(tmp_path / "robot", STRIDER)
     xml = folder / "strider.xml"
     edited(xml, ' priority="1"', "")
     edited(xml, 'contype="1" conaffinity="0"', 'contype="1" conaffinity="1"')
     edited(xml, 'size="0.005" mass', 'size="0.045" mass')
     edited(xml, '<body name="trunk" pos="0 0 0.03">', '<body name="trunk" pos="0 0 0.09">')
-    edited(folder / "problem.toml", 'name = "strider"', 'name = "strider"\nstart.settle = false')
+    edited(
+        folder / "problem.toml",
+        'name = "strider"',
+        'name = "strider"\nfriction = "mujoco"\nstart.settle = false',
+    )
     edited(xml, "</mujoco>", '<keyframe><key name="start"/></keyframe></mujoco>')
     found = findings(gaitopt, folder)
     assert {"inert_parameter", "unrest_at_start", "self_collision"} <= {finding["name"] for finding in found}

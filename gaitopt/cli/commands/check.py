@@ -16,11 +16,12 @@ def add_options(parser: Parser) -> None:
 
 
 def run(options: Options) -> None:
-    """Check, and print a line for each finding."""
+    """Check, and print a line for each finding, then what to do about each kind."""
     from gaitopt.cli.display import print_report
     from gaitopt.cli.progress import show_checks
     from gaitopt.core.progress import silent
     from gaitopt.jobs.check import check
+    from gaitopt.simulation.audit.finding import FINDING_KINDS
 
     problem = problem_of(options)
     findings = check(
@@ -38,6 +39,8 @@ def run(options: Options) -> None:
     for finding in findings:
         where = f" at {finding.gait}" if finding.gait else ""
         say(f"{finding.name}{where}: {finding.message}")
+    for kind in dict.fromkeys(finding.name for finding in findings):
+        say(f"to do about {kind}: {FINDING_KINDS[kind].remedy}")
     print_report(options.out)
 
 

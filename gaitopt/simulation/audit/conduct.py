@@ -23,6 +23,7 @@ from gaitopt.simulation.audit.finding import (
     Finding,
 )
 from gaitopt.simulation.audit.settings import CheckSettings
+from gaitopt.simulation.audit.standing import check_upright
 from gaitopt.simulation.metrics import Metrics, measure
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
@@ -40,6 +41,7 @@ def check_conduct(simulator: Simulator, executor: Executor, settings: CheckSetti
             yield Finding(DIVERGED.name, gait.name, math.inf, 0.0, message)
             continue
         metrics = measure(problem, gait, trajectory, robot)
+        yield from check_upright(gait, metrics, settings)
         yield from _self_collision(gait, trajectory)
         yield from _airtime(problem, gait, trajectory, metrics, settings)
         yield from _drift(gait, metrics, settings)

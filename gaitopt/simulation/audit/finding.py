@@ -19,6 +19,21 @@ class FindingKind:
     remedy: str
 
 
+NO_GROUND = FindingKind(
+    "no_ground",
+    'Add a floor to the worldbody, <geom name="floor" type="plane" size="5 5 0.1"/>, and let contype and '
+    "conaffinity of floor and feet match.",
+)
+DOES_NOT_STAND = FindingKind(
+    "does_not_stand",
+    "Correct [start] ctrl_deg, or give the MJCF a keyframe in which the robot stands. If servos give way, "
+    "look at their torque limit (forcerange), their kp and the masses: 1 kg at 0.1 m needs 1 N m.",
+)
+FELL_OVER = FindingKind(
+    "fell_over",
+    "Make the gait slower or smaller, or the stance wider; limit tilt_rad in [objective.constraints], so "
+    "that a search does not count falling as walking.",
+)
 UNREST_AT_START = FindingKind(
     "unrest_at_start",
     "Let the robot settle under its start targets, and start there. Look for overlapping geoms and for "
@@ -30,15 +45,17 @@ INERT_PARAMETER = FindingKind(
     "whoever sets it.",
 )
 DIVERGED = FindingKind(
-    "diverged", "Take a smaller timestep, an implicit integrator, or softer or fewer contacts."
+    "diverged",
+    "Add armature and damping to the joints (a servo of 9 g has about 1e-4 kg m^2 and 0.01 N m s/rad), take "
+    "a smaller timestep, an implicit integrator, or softer or fewer contacts.",
 )
 SELF_COLLISION = FindingKind(
     "self_collision", "Exclude pairs of parts that are meant to touch, and move the other parts apart."
 )
 AIRTIME = FindingKind(
     "airtime",
-    "A crawler does not fly. Look for servos without a torque limit, masses and lengths in wrong units, and "
-    "contacts that throw the robot.",
+    "A crawler does not fly, a trot does for moments. Look for servos without a torque limit, masses and "
+    "lengths in wrong units, and contacts that throw the robot.",
 )
 SIDEWAYS_DRIFT = FindingKind(
     "sideways_drift",
@@ -58,7 +75,11 @@ TIMESTEP_CONVERGENCE = FindingKind(
     "Take a smaller timestep or another integrator until halving it changes nothing.",
 )
 
+SEEN_FIRST = (NO_GROUND, DOES_NOT_STAND, FELL_OVER)
+"""What a person would see before anything else; it explains most of the other findings."""
+
 _KINDS = (
+    *SEEN_FIRST,
     UNREST_AT_START,
     INERT_PARAMETER,
     DIVERGED,

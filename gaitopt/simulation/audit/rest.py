@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gaitopt.problem.start import start_targets
 from gaitopt.simulation.audit.finding import DIVERGED, UNREST_AT_START, Finding
 from gaitopt.simulation.audit.settings import CheckSettings
+from gaitopt.simulation.audit.standing import check_standing
 from gaitopt.simulation.rollout import Simulator
 
 Array = NDArray[np.float64]
@@ -25,6 +26,7 @@ def check_rest(simulator: Simulator, settings: CheckSettings) -> Iterator[Findin
         message = f"held at its start, the simulation {trajectory.status}"
         yield Finding(DIVERGED.name, "", math.inf, 0.0, message)
         return
+    yield from check_standing(simulator, trajectory, settings)
     where = f"held at its start for {settings.rest_s:g} s"
     marker = trajectory.stacked("marker")
     speed, limit = _fastest(trajectory.time, marker), settings.rest_marker_m_s

@@ -13,6 +13,9 @@ class CheckSettings:
         rest_s: how long the robot is held at its start, s.
         rest_marker_m_s: fastest marker of a robot at rest, m/s; required of the keyframe ``start``.
         rest_joint_rad_s: fastest joint of a robot at rest, rad/s: likewise.
+        standing_tilt_rad: largest tilt of the trunk at the start, rad.
+        standing_servo_rad: largest distance of a servo from its start target, rad: it holds the robot.
+        fallen_rad: largest tilt of the trunk in a gait, rad: beyond, the robot fell over.
         parameter_change: factor by which a named parameter is multiplied, and then divided, to see whether it
             acts.
         parameter_at_zero: value tried instead for a parameter that is 0.
@@ -34,6 +37,9 @@ class CheckSettings:
     rest_s: float = 5.0
     rest_marker_m_s: float = 1e-4
     rest_joint_rad_s: float = 1e-3
+    standing_tilt_rad: float = 0.6
+    standing_servo_rad: float = 0.35
+    fallen_rad: float = 1.05
     parameter_change: float = 2.0
     parameter_at_zero: float = 1e-3
     parameter_s: float = 2.0
