@@ -23,6 +23,7 @@ from gaitopt.problem.drafting.gaits import FirstGait, Travel, first_gaits
 from gaitopt.problem.drafting.motors import make_servos
 from gaitopt.problem.drafting.names import name_parts
 from gaitopt.problem.drafting.standing import stance_key, stand
+from gaitopt.problem.drafting.ties import DraftedTies, draft_ties
 from gaitopt.problem.guesses import (
     GuessedChannel,
     GuessedParameter,
@@ -52,6 +53,7 @@ class Draft:
         channels: the servos, in the model's order.
         parameters: named numbers of the model.
         gaits: first gaits, the most promising first.
+        ties: which servos may move alike; None where that cannot be told.
         constraints: limits by metric, as TOML text.
         stance: where the start targets come from.
         changes: how the copy of the MJCF differs from the original.
@@ -65,6 +67,7 @@ class Draft:
     channels: Sequence[GuessedChannel]
     parameters: Mapping[str, GuessedParameter]
     gaits: Sequence[FirstGait]
+    ties: DraftedTies | None
     constraints: Mapping[str, str]
     stance: str
     changes: Sequence[str]
@@ -146,13 +149,15 @@ def _draft(
     guessed, why = guess_family(model, standing, roles.pad_ids)
     kind = family or guessed
     axes = Roles(forward=tuple(roles.forward), up=tuple(roles.up)).axes
+    travels = [_travel(one) for one in channels]
     return Draft(
         family=kind,
         family_why="" if family else why,
         roles=roles,
         channels=channels,
         parameters=guess_parameters(model, root, roles.pad_ids),
-        gaits=first_gaits(kind, model, standing, roles.pad_ids, axes, [_travel(one) for one in channels]),
+        gaits=first_gaits(kind, model, standing, roles.pad_ids, axes, travels),
+        ties=draft_ties(kind, model, standing, roles.pad_ids, axes, travels),
         constraints=OBJECTIVES[kind],
         stance=standing.origin,
         changes=changes,
