@@ -90,13 +90,15 @@ def _linear(points: Array, directions: Array, turn: Array, shift: Array) -> tupl
     x, y, z = (turned + shift).T
     if not (z > 1e-6).all():
         return np.inf, np.zeros((2 * len(points), 6)), np.zeros(2 * len(points))
-    residual = np.stack([x / z, y / z], axis=1) - directions
-    zero = np.zeros_like(z)
-    ahead = np.stack([np.stack([1 / z, zero, -x / z**2], 1), np.stack([zero, 1 / z, -y / z**2], 1)], axis=1)
+    along, up = x / z, y / z
     a, b, c = turned.T
-    turns = np.stack([np.stack([zero, c, -b], 1), np.stack([-c, zero, a], 1), np.stack([b, -a, zero], 1)], 1)
-    slopes = np.concatenate([ahead @ turns, ahead], axis=2).reshape(-1, 6)
-    return float(np.sum(residual**2)), slopes, residual.ravel()
+    slopes = np.zeros((len(points), 2, 6))
+    slopes[:, 0, 0], slopes[:, 0, 1], slopes[:, 0, 2] = -along * b / z, (c + along * a) / z, -b / z
+    slopes[:, 1, 0], slopes[:, 1, 1], slopes[:, 1, 2] = -(c + up * b) / z, up * a / z, a / z
+    slopes[:, 0, 3] = slopes[:, 1, 4] = 1.0 / z
+    slopes[:, 0, 5], slopes[:, 1, 5] = -along / z, -up / z
+    residual = (np.column_stack([along, up]) - directions).ravel()
+    return float(residual @ residual), slopes.reshape(-1, 6), residual
 
 
 def poses_of(points: Array, directions: Array, starts: Iterable[Pose] = ()) -> list[Pose]:
@@ -105,9 +107,11 @@ def poses_of(points: Array, directions: Array, starts: Iterable[Pose] = ()) -> l
     Args:
         points: in the body's frame, m, shape (n, 3).
         directions: where each was seen, at distance 1 ahead, shape (n, 2).
-        starts: further poses to begin with.
+        starts: poses to begin with, such as both of the picture before.
     """
-    begins = [*starts, *_flat_starts(points, directions)]
+    begins = list(starts)
+    if len(begins) < 2:
+        begins += _flat_starts(points, directions)
     found: list[Pose] = []
     for start in begins:
         pose = fitted(points, directions, start)

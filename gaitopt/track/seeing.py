@@ -19,31 +19,40 @@ _ROUNDS, _GAIN = 20, 1e-4
 """Most rounds in which a pattern is laid on a picture, and the gain in correlation after which that ends."""
 
 
+_FINEST = 10
+"""Most pixels along a cell of a pattern: more take time and say no more."""
+
+
 class Eye:
     """Follows tags through a film: each is laid on the picture where it was before, and searched when lost.
 
+    While the tags of the floor rest, one of them is looked at in each picture, in turn; the others count as
+    where they were. As soon as it has moved, all are looked at.
+
     Args:
         numbers: the tags that are looked for.
+        floor: those of them that lie on the floor.
         settings: how they are judged.
     """
 
-    def __init__(self, numbers: Iterable[int], settings: TrackSettings = DEFAULT):
+    def __init__(self, numbers: Iterable[int], floor: Iterable[int] = (), settings: TrackSettings = DEFAULT):
         aruco = opencv().aruco
         family = aruco.getPredefinedDictionary(aruco.DICT_APRILTAG_36h11)
         parameters = aruco.DetectorParameters()
         parameters.cornerRefinementMethod = aruco.CORNER_REFINE_SUBPIX
         parameters.minMarkerPerimeterRate = 0.01
         self._detector = aruco.ArucoDetector(family, parameters)
-        self._numbers, self._settings = frozenset(numbers), settings
+        self._numbers, self._floor, self._settings = frozenset(numbers), frozenset(floor), settings
+        self._resting: set[int] = set()
         self._last: dict[int, tuple[Array, Array]] = {}
         self._frame = 0
         self.strangers: set[int] = set()
 
     def look(self, picture: Picture) -> dict[int, Array]:
         """Return the corners of the tags in the next picture, by number, pixels, shape (4, 2)."""
-        found = {}
+        found = self._rested(picture)
         for number, (corners, motion) in self._last.items():
-            laid = aligned(picture, number, corners + motion, self._settings)
+            laid = None if number in found else aligned(picture, number, corners + motion, self._settings)
             if laid is not None:
                 found[number] = laid
         lost = any(number not in found for number in self._last)
@@ -55,9 +64,24 @@ class Eye:
                     if laid is not None:
                         found[number] = laid
         before = {number: corners for number, (corners, _) in self._last.items()}
+        here = [n for n in found if n in self._floor]
+        moved = [_moved(found[n], before[n]) if n in before else np.inf for n in here]
+        self._resting = set(here) if here and max(moved) < self._settings.rest_px else set()
         self._last = {n: (c, c - before[n] if n in before else np.zeros((4, 2))) for n, c in found.items()}
         self._frame += 1
         return found
+
+    def _rested(self, picture: Picture) -> dict[int, Array]:
+        """Return the corners of the floor's tags if they rest, by one of them; else nothing."""
+        resting = sorted(self._resting)
+        if not resting:
+            return {}
+        looked = resting[self._frame % len(resting)]
+        corners = self._last[looked][0]
+        laid = aligned(picture, looked, corners, self._settings)
+        if laid is None or _moved(laid, corners) > self._settings.rest_px:
+            return {}
+        return {number: self._last[number][0] for number in resting} | {looked: laid}
 
     def _searched(self, picture: Picture) -> list[tuple[int, Array]]:
         """Return the tags that a search of the whole picture finds; none that is seen twice."""
@@ -91,7 +115,7 @@ def aligned(picture: Picture, number: int, corners: Array, settings: TrackSettin
     if (high - low < 8).any():
         return None
     part = picture[low[1] : high[1], low[0] : high[0]].astype(np.float32)
-    scale = max(4, 2 * int(np.ceil(edge / CELLS / 2.0)))
+    scale = min(max(4, 2 * int(np.ceil(edge / CELLS / 2.0))), _FINEST)
     blur = round(settings.blur_px * CELLS * scale / edge, 1)
     ends = scale / 2.0 - 0.5 + np.array([0.0, CELLS * scale])
     square = np.array([[ends[0], ends[0]], [ends[1], ends[0]], [ends[1], ends[1]], [ends[0], ends[1]]])
@@ -115,6 +139,10 @@ def aligned(picture: Picture, number: int, corners: Array, settings: TrackSettin
     inside = (laid >= 0.0).all() and (laid <= np.array(picture.shape[::-1]) - 1.0).all()
     moved = float(np.abs(laid - corners).max())
     return laid if inside and moved < 0.5 * edge and 0.7 < edge_of(laid) / edge < 1.4 else None
+
+
+def _moved(one: Array, other: Array) -> float:
+    return float(np.abs(one - other).max())
 
 
 def edge_of(corners: Array) -> float:

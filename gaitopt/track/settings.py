@@ -14,6 +14,7 @@ class TrackSettings:
         blur_px: blur of a pattern before it is laid on a picture, pixels: that of a lens and a video.
         smallest_px: shortest edge of a tag that is located, pixels.
         search_every: frames between searches of the whole picture while a tag is missing.
+        rest_px: how far the corners of a tag that rests move from one picture to the next, pixels.
         still_px: how far the tags of the floor move in the pictures of a camera on a stand, pixels.
         sampled: pictures from which the lens and the floor are solved.
         focal: expected focal length over the longer side of the picture: phones film at 60 to 75 degrees.
@@ -29,6 +30,7 @@ class TrackSettings:
     blur_px: float = 1.0
     smallest_px: float = 10.0
     search_every: int = 5
+    rest_px: float = 0.25
     still_px: float = 0.4
     sampled: int = 24
     focal: float = 0.8

@@ -177,7 +177,7 @@ def track_film(film: Path, tracker: Tracker, progress: OnProgress = silent) -> F
             tag on the floor is not as large as was said.
     """
     robot, settings = tracker.robot, tracker.settings
-    eye = Eye([*robot.numbers(), *tracker.floor], settings)
+    eye = Eye([*robot.numbers(), *tracker.floor], tracker.floor, settings)
     time, frames, size = _seen(film, eye, progress)
     missing = _check_seen(film, robot, frames, eye)
     try:
