@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from gaitopt.robot.rotation import roll_pitch_yaw
@@ -112,7 +113,11 @@ def path_of(
             left_out.append(index)
             pose = None
         camera = cameras[index]
-        poses.append(None if pose is None or camera is None else _with_camera(pose, camera, noise))
+        if pose is None or camera is None:
+            poses.append(None)
+            continue
+        others = [other for other in choices[index][0] if other is not pose]
+        poses.append(_with_camera(_with_others(pose, others, noise), camera, noise))
     return Path(tuple(poses), float(np.sqrt(noise) * room.lens.focal), tuple(left_out), noise)
 
 
@@ -184,6 +189,19 @@ def _chosen(body: TaggedBody, choices: Sequence[tuple[list[Pose], int]], noise: 
         for (index, poses), which in zip(seen, trails[int(np.argmin(costs))], strict=True):
             chosen[index] = poses[which]
     return chosen
+
+
+def _with_others(pose: Pose, others: Sequence[Pose], noise: float) -> Pose:
+    """Return a pose whose spread holds that the other pose of a flat tag may be the right one."""
+    spread = pose.spread
+    for other in others:
+        angle = _turn(pose.turn, other.turn)
+        against = (other.error - pose.error) / noise + 2.0 * (angle / _JUMP_RAD) ** 2
+        likely = 1.0 / (1.0 + np.exp(np.clip(0.5 * against, -50.0, 50.0)))
+        turn = Rotation.from_matrix(other.turn @ pose.turn.T).as_rotvec()
+        away = np.concatenate([turn, other.shift - pose.shift])
+        spread = None if spread is None else spread + likely * np.outer(away, away) / noise
+    return replace(pose, spread=spread)
 
 
 def _with_camera(pose: Pose, camera: Pose, noise: float) -> Pose:
