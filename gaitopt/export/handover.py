@@ -21,6 +21,7 @@ from gaitopt.export.formats import FORMATS
 from gaitopt.export.gait_player import MAX_SERVOS
 from gaitopt.export.lag import Lag, lags
 from gaitopt.export.limits import clipped, refuse_outside
+from gaitopt.export.numbering import unset, wired
 from gaitopt.export.replay import Replay, replay
 from gaitopt.export.servos import check_servos
 from gaitopt.export.wiring import check_wiring, pin_warnings
@@ -156,8 +157,8 @@ def prepare(problem: Problem, gait: Gait, choices: Choices, executor: Executor) 
             f"allowed: at most {MAX_SERVOS} and {_MAX_PERIOD_S:g} s"
         )
     check_servos(problem)
-    unset = {name: format.output.unset(one.servo) for name, one in problem.file.channels.items()}
-    problem = format.output.wired(problem)
+    not_set = {name: unset(one.servo, format.output) for name, one in problem.file.channels.items()}
+    problem = wired(problem, format.output)
     check_wiring(problem, format, choices.led_pin)
     warnings = pin_warnings(problem, format, choices.led_pin)
     if choices.clip:
@@ -168,7 +169,7 @@ def prepare(problem: Problem, gait: Gait, choices: Choices, executor: Executor) 
     played = replay(problem, table, executor, output=format.output)
     if played.warning:
         warnings.append(played.warning)
-    return Handover(format, table, played, tuple(lags(problem, gait)), tuple(warnings), unset)
+    return Handover(format, table, played, tuple(lags(problem, gait)), tuple(warnings), not_set)
 
 
 def _table(problem: Problem, gait: Gait, choices: Choices, format: Format) -> GaitTable:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.export.format import Format
-from gaitopt.export.output import PCA9685, check_numbers
+from gaitopt.export.numbering import check_numbers
+from gaitopt.export.output import PCA9685
 from gaitopt.problem.problem import Problem
 
 _OUTPUTS = 16
@@ -18,7 +19,7 @@ def check_wiring(problem: Problem, format: Format, led_pin: int | None) -> None:
     """Check that what the servos of a wired problem need can be sent on distinct numbers.
 
     Args:
-        problem: the problem; see `Output.wired`.
+        problem: the problem; see `numbering.wired`.
         format: the output format.
         led_pin: GPIO of the sync LED, if any.
 

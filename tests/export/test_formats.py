@@ -3,6 +3,7 @@
 import json
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from gaitopt.export.format import Format
 from gaitopt.export.formats import FORMATS, register
 from gaitopt.export.handover import Choices, prepare
 from gaitopt.export.stages import command_stages
+from gaitopt.export.wiring import check_wiring
 from gaitopt.gait.calibration import SAFE_PINS
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.problem.draft import make_problem
@@ -238,3 +240,22 @@ def test_what_is_no_servo_is_refused_with_the_reason(wired_folder: Path, actuato
     ET.SubElement(rod, "geom", size="0.001", mass="0.0001", contype="0", conaffinity="0")
     path.write_text(ET.tostring(root, encoding="unicode"))
     assert said in refusal(load_problem(wired_folder), Choices("csv"))
+
+
+@pytest.mark.parametrize(
+    ("form", "board", "most", "where"),
+    [
+        ("esp-idf", "esp32", 8, "format esp-idf on the ESP32"),
+        ("arduino", "esp32-c3", 6, "format arduino on the ESP32-C3"),
+        ("micropython", "esp32-s3", 8, "format micropython on the ESP32-S3"),
+    ],
+)
+def test_more_servos_than_a_board_has_channels_are_refused(
+    tmp_path: Path, form: str, board: str, most: int, where: str
+) -> None:
+    problem = wired_as(tmp_path / "bot", rear={"pin": 4}, front={"pin": 5})
+    servos = {f"s{i}": problem.file.channels["rear"] for i in range(most + 1)}
+    many = replace(problem, file=problem.file.model_copy(update={"channels": servos}))
+    with pytest.raises(GaitoptError) as caught:
+        check_wiring(many, FORMATS[form].on(board), None)
+    assert f"found {most + 1} servos; allowed: at most {most} with {where}; a PCA9685" in str(caught.value)

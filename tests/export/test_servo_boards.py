@@ -21,6 +21,7 @@ from gaitopt.export.bus_packets import PROTOCOLS, Dynamixel, Feetech, crc16
 from gaitopt.export.files import export_files
 from gaitopt.export.formats import FORMATS
 from gaitopt.export.gait_player import HOLDING, STAGGER_US, Player
+from gaitopt.export.numbering import wired
 from gaitopt.export.output import PCA9685
 from gaitopt.export.pca9685 import divider, pulse, setup, ticks, width_us
 from gaitopt.export.replay import Replay
@@ -35,7 +36,7 @@ BUSES = ("feetech-sts", "feetech-scs", "dynamixel")
 def table_for(name: str) -> GaitTable:
     """ArcFold's 1 s gait on the output of a format, with a sync LED."""
     output = FORMATS[name].output
-    problem = output.wired(load_problem("arcfold"))
+    problem = wired(load_problem("arcfold"), output)
     servos = {name: channel.servo for name, channel in problem.file.channels.items()}
     gait = problem.baselines["square-1s"]
     return GaitTable.sample(gait, servos, [0.0] * 3, 0.02, [40, 0, 0], led_pin=2, unit=output.unit)
