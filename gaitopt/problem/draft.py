@@ -22,7 +22,7 @@ from gaitopt.problem.drafting.faults import Faults
 from gaitopt.problem.drafting.gaits import FirstGait, Travel, first_gaits
 from gaitopt.problem.drafting.motors import make_servos
 from gaitopt.problem.drafting.names import name_parts
-from gaitopt.problem.drafting.standing import stance_key, stand
+from gaitopt.problem.drafting.standing import size_of, stance_key, stand
 from gaitopt.problem.drafting.ties import DraftedTies, draft_ties
 from gaitopt.problem.guesses import (
     GuessedChannel,
@@ -39,6 +39,9 @@ from gaitopt.problem.problem import load_problem
 from gaitopt.robot.roles import Roles
 
 _NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
+_PENALTY = 0.25
+"""Cost of a serious violation of a limit, in lengths of the robot per second: 0.05 m/s for 0.2 m."""
+
 _KEY = r"[A-Za-z0-9_-]+"
 """A key that TOML takes without quotes."""
 
@@ -55,6 +58,7 @@ class Draft:
         gaits: first gaits, the most promising first.
         ties: which servos may move alike; None where that cannot be told.
         constraints: limits by metric, as TOML text.
+        penalty: cost of a serious violation of one, m/s.
         stance: where the start targets come from.
         changes: how the copy of the MJCF differs from the original.
         remarks: what a user should look at.
@@ -69,6 +73,7 @@ class Draft:
     gaits: Sequence[FirstGait]
     ties: DraftedTies | None
     constraints: Mapping[str, str]
+    penalty: float
     stance: str
     changes: Sequence[str]
     remarks: Sequence[str]
@@ -159,6 +164,7 @@ def _draft(
         gaits=first_gaits(kind, model, standing, roles.pad_ids, axes, travels),
         ties=draft_ties(kind, model, standing, roles.pad_ids, axes, travels),
         constraints=OBJECTIVES[kind],
+        penalty=max(0.05, round(_PENALTY * size_of(model, standing.drawn), 2)),
         stance=standing.origin,
         changes=changes,
         remarks=[*roles.remarks, *remarks_on(model, standing, roles.up)],

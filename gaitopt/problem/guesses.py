@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -133,7 +134,7 @@ def guess_channel(model: mujoco.MjModel, actuator: int, rest: float) -> GuessedC
     elif any(int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_SLIDE) for j in turned):
         origin += "; a slide: one degree here is 0.01745 m"
     low, high = (round(float(end), 3) for end in np.rad2deg(ends))
-    width = round(high - low, 3)
+    width = math.floor(1e3 * (high - low)) / 1e3  # never wider than the range, by rounding
     amplitude = (-width, 0.0) if high <= 0.0 else (0.0, width)
     held = min(max(round(float(np.rad2deg(rest)), 3), low), high)
     return GuessedChannel(str(model.actuator(actuator).name), (low, high), amplitude, held, origin)

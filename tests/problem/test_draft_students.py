@@ -140,6 +140,26 @@ def test_a_snake_undulates_and_a_swimmer_swims(tmp_path: Path) -> None:
     assert [gait.name for gait in draft.gaits] == ["first-guess"]
 
 
+def test_a_shin_beside_its_foot_is_no_pad_and_odd_ranges_are_ranges(tmp_path: Path) -> None:
+    low = FLOOR + DOG.replace('pos="0 0 -0.055" size="0.008"', 'pos="0 0 -0.05" size="0.0065"')
+    radian = '<compiler angle="radian"/>'
+    odd = low.replace("-40 40", "-0.7 1.0").replace("-60 60", "-1.234567 0.7654321")
+    draft, problem = drafted(tmp_path, mjcf(odd, SERVOS, radian))
+    assert draft.family == "quadruped"
+    assert len(problem.roles.pads) >= 4
+    assert problem.file.channels["hip_a"].range_deg == (-40.107, 57.296)
+
+
+def test_a_robot_that_falls_over_is_no_snake(tmp_path: Path) -> None:
+    foot = '<body pos="0 0 -0.1"><joint name="ankle" axis="0 1 0" damping="0.01"/><geom size="0.01"/></body>'
+    shin = foot.replace("ankle", "knee").replace("</body>", f"{foot}</body>")
+    pole = f'<body name="pole" pos="0 0 0.22"><freejoint/><geom size="0.03" pos="0.01 0 0"/>{shin}</body>'
+    servos = '<position joint="knee" kp="5"/><position joint="ankle" kp="5"/>'
+    draft, _ = drafted(tmp_path, mjcf(FLOOR + pole, servos))
+    assert draft.family == "other"
+    assert any("falls over" in remark and "ctrl_deg" in remark for remark in draft.remarks)
+
+
 def test_all_mistakes_are_told_at_once_each_with_its_remedy(tmp_path: Path) -> None:
     servos = '<motor joint="hip_a" gear="1" ctrlrange="-1 1"/><position joint="hip_b" ctrlrange="-30 30"/>'
     with pytest.raises(GaitoptError) as error:

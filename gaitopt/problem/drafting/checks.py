@@ -10,16 +10,14 @@ import numpy as np
 
 from gaitopt.problem.drafting.faults import Faults
 from gaitopt.problem.drafting.motors import is_motor, is_servo
-from gaitopt.problem.drafting.standing import Standing, ends_of, size_of
-from gaitopt.robot.tree import driven_joints, robot_bodies, trunk
+from gaitopt.problem.drafting.standing import FALLEN_RAD, Standing, ends_of, size_of, tilt_of
+from gaitopt.robot.tree import driven_joints, robot_bodies
 
 _MOST_RAD = 4.0 * math.pi
 """A servo's or joint's travel beyond this is in degrees, and was read as rad."""
 
 _LEAST_RAD = math.radians(4.0)
 """Where all joints travel less than this, their ranges are in rad, and were read as degrees."""
-
-_FALLEN_RAD = math.radians(60.0)
 
 _SMALL_M, _LARGE_M = 0.01, 5.0
 """Robots smaller or larger than this are rare; units may be wrong."""
@@ -83,10 +81,8 @@ def check_angles(model: mujoco.MjModel, faults: Faults) -> None:
 def remarks_on(model: mujoco.MjModel, standing: Standing, up: Sequence[float]) -> list[str]:
     """Return what a user should look at before anything is searched."""
     said = []
-    base, vertical = trunk(model), np.array(up)
-    turns = [data.xmat[base].reshape(3, 3) for data in (standing.drawn, standing.rested)]
-    tilt = math.acos(float(np.clip(vertical @ turns[1] @ turns[0].T @ vertical, -1.0, 1.0)))
-    if tilt > _FALLEN_RAD:
+    tilt = tilt_of(model, standing, np.array(up))
+    if tilt > FALLEN_RAD:
         said.append(
             f"it falls over: at rest under the start targets the trunk is tilted by {math.degrees(tilt):.0f} "
             "degrees; correct [start] ctrl_deg, or give the MJCF a keyframe in which it stands"

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from gaitopt.problem.drafting.standing import Standing
+from gaitopt.problem.drafting.heading import up_axis
+from gaitopt.problem.drafting.standing import FALLEN_RAD, Standing, tilt_of
 from gaitopt.robot.tree import driven_joints, robot_bodies, trunk
 
 FAMILIES = ("crawler", "quadruped", "hexapod", "snake", "swimmer", "other")
@@ -40,6 +41,7 @@ def guess_pads(model: mujoco.MjModel, standing: Standing) -> tuple[list[int], st
     touching = sorted(standing.touching)
     if not any(int(model.geom_bodyid[geom]) == trunk(model) for geom in touching):
         if touching:
+            touching = _lowest_of_chains(model, touching)
             return touching, "pads: what touches the ground at rest under the start targets"
         return [], "pads: none, as nothing touches the ground at rest"
     ends = set() if is_chain(model) else _ends(model)
@@ -52,6 +54,18 @@ def guess_pads(model: mujoco.MjModel, standing: Standing) -> tuple[list[int], st
             "pads: ends of driven limbs that touch the ground while servos move, as the trunk lies on it",
         )
     return touching, "pads: all that touches the ground at rest under the start targets"
+
+
+def _lowest_of_chains(model: mujoco.MjModel, geoms: Sequence[int]) -> list[int]:
+    """Return geoms without those of a body that carries another one: a foot touches, and its shin almost."""
+    bodies = {int(model.geom_bodyid[geom]) for geom in geoms}
+    carrying = set()
+    for body in bodies:
+        parent = int(model.body_parentid[body])
+        while parent:
+            carrying.add(parent)
+            parent = int(model.body_parentid[parent])
+    return [geom for geom in geoms if int(model.geom_bodyid[geom]) not in carrying]
 
 
 def is_chain(model: mujoco.MjModel) -> bool:
@@ -116,11 +130,12 @@ def guess_family(model: mujoco.MjModel, standing: Standing, pads: Sequence[int])
     lies = any(int(model.geom_bodyid[geom]) == trunk(model) for geom in standing.touching)
     if model.opt.density > _WATER:
         return "swimmer", f"it is in a fluid of {model.opt.density:g} kg/m^3"
-    if is_chain(model) and model.nu > 1 and (lies or not limbs):
+    fallen = tilt_of(model, standing, up_axis(model)[0]) > FALLEN_RAD
+    if is_chain(model) and model.nu > 1 and (lies or not limbs) and not fallen:
         return "snake", "it is one chain of links that lies on the ground"
     if apart and len(limbs) in (4, 6):
         return {4: "quadruped", 6: "hexapod"}[len(limbs)], f"it has {len(limbs)} limbs with feet"
-    if lies:
+    if lies and not fallen:
         return "crawler", "its trunk lies on the ground"
     return "other", f"it stands on {len(pads)} pads of {len(limbs)} limbs"
 

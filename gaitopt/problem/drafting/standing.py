@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -36,6 +37,9 @@ _NEAR = 0.01
 """A geom this close to the ground touches it, as a share of the robot's size: a foot that bounces, or stands
 a hair too high."""
 
+FALLEN_RAD = math.radians(60.0)
+"""Tilt of the trunk beyond which a robot has fallen over, rad."""
+
 _FALLEN = 5.0
 """A robot that has sunk by this many times its size has no ground under it."""
 
@@ -60,6 +64,13 @@ class Standing:
     rested: mujoco.MjData
     touching: frozenset[int]
     swinging: frozenset[int]
+
+
+def tilt_of(model: mujoco.MjModel, standing: Standing, up: Array) -> float:
+    """Return by how much the trunk at rest is tilted from how it is drawn, rad."""
+    body = trunk(model)
+    drawn, rested = (data.xmat[body].reshape(3, 3) for data in (standing.drawn, standing.rested))
+    return math.acos(float(np.clip(up @ rested @ drawn.T @ up, -1.0, 1.0)))
 
 
 def stance_key(model: mujoco.MjModel) -> int | None:
