@@ -18,6 +18,7 @@ from gaitopt.diagnose.fit.runner import Runner
 from gaitopt.diagnose.gap.align import align, pooled_angle_rms, pooled_marker_rms
 from gaitopt.diagnose.gap.floor import marker_floor, measure_floors
 from gaitopt.diagnose.gap.leftover import top_speeds
+from gaitopt.diagnose.gap.misfits import misfits
 from gaitopt.diagnose.gap.predict import predict
 from gaitopt.diagnose.gap.settings import GapSettings
 from gaitopt.diagnose.gap.where import GapShare, gap_shares
@@ -101,8 +102,23 @@ class Diagnosis:
     @property
     def defective(self) -> list[str]:
         """Defects of the record that make a significant gap by themselves."""
-        blamed = {defect.name for trial in self.trials for defect in trial.blamed}
+        blamed = {defect.name for trial in self.fitting for defect in trial.blamed}
         return [name for name in EFFECTS if name in blamed]
+
+    @cached_property
+    def fitting(self) -> tuple[TrialGap, ...]:
+        """The trials to which effects are fitted: without misfits, where these are at most half of them."""
+        kept = tuple(trial for trial in self.trials if not trial.is_misfit)
+        return kept if 2 * len(kept) >= len(self.trials) else self.trials
+
+    @property
+    def misfit_trials(self) -> dict[str, float]:
+        """Trials that do not fit the others: how many times as much as the median trial each leaves."""
+        fitting = {trial.name for trial in self.fitting}
+        left = {trial.name: trial.unlike for trial in self.trials} if len(fitting) < len(self.trials) else {}
+        median = float(np.median([left[name] for name in left if name in fitting] or [1.0]))
+        odd = {name: one / max(median, 1e-3) for name, one in left.items() if name not in fitting}
+        return odd | (self.found.misfit_trials if self.found else {})
 
     @property
     def causes(self) -> list[str]:
@@ -136,7 +152,7 @@ class Diagnosis:
     @property
     def significant(self) -> bool:
         """Whether any trial has a gap that its floor does not explain."""
-        return any(trial.significant for trial in self.trials)
+        return any(trial.significant for trial in self.fitting)
 
     @property
     def verdict(self) -> str:
@@ -158,7 +174,7 @@ class Diagnosis:
     def gap_by_trial(self) -> list[GapOfTrial]:
         """The same of each trial; none where nothing was fitted."""
         rows = []
-        for index, trial in enumerate(self.trials):
+        for index, trial in enumerate(self.fitting):
             gap = self.found.gap_of_trial(index, marker_floor(trial.floors)) if self.found else None
             if trial.aligned.trial.drive.period_s is None and not any(map(is_position, trial.floors)):
                 continue
@@ -169,11 +185,11 @@ class Diagnosis:
     @property
     def located_gap(self) -> Gap:
         """RMS marker error over all trials, without fitting: after is before, except for defects blamed."""
-        after = pooled_marker_rms([trial.aligned for trial in self.trials])
-        samples = [len(trial.aligned.time) for trial in self.trials]
-        removed = [sum(d.error_m**2 for d in trial.blamed) for trial in self.trials]
+        after = pooled_marker_rms([trial.aligned for trial in self.fitting])
+        samples = [len(trial.aligned.time) for trial in self.fitting]
+        removed = [sum(d.error_m**2 for d in trial.blamed) for trial in self.fitting]
         before = math.sqrt(after**2 + _mean(removed, samples))
-        floor = math.sqrt(_mean([marker_floor(trial.floors) ** 2 for trial in self.trials], samples))
+        floor = math.sqrt(_mean([marker_floor(trial.floors) ** 2 for trial in self.fitting], samples))
         known = shrinkage(before, after, floor)
         end = math.nan if known is None else known
         return Gap(before, after, floor, (end, end))
@@ -187,11 +203,11 @@ class Diagnosis:
     @property
     def located_gap_angles(self) -> Gap | None:
         """The same without fitting: after is before."""
-        angles = [(trial, name) for trial in self.trials for name in trial.floors if not is_position(name)]
+        angles = [(trial, name) for trial in self.fitting for name in trial.floors if not is_position(name)]
         samples = [int(np.isfinite(trial.aligned.residual[name]).sum()) for trial, name in angles]
         if not sum(samples):
             return None
-        gap = pooled_angle_rms([trial.aligned for trial in self.trials])
+        gap = pooled_angle_rms([trial.aligned for trial in self.fitting])
         floor = math.sqrt(_mean([trial.floors[name].total ** 2 for trial, name in angles], samples))
         known = shrinkage(gap, gap, floor)
         end = math.nan if known is None else known
@@ -204,7 +220,7 @@ class Diagnosis:
         if found is None or found.gap_angles is None or found.best is None:
             return []
         rows = []
-        for index, trial in enumerate(self.trials):
+        for index, trial in enumerate(self.fitting):
             angles = [floor.total**2 for name, floor in trial.floors.items() if not is_position(name)]
             if angles and trial.aligned.trial.drive.period_s is None:
                 gap = found.meter.measure_angles(found.best, math.sqrt(float(np.mean(angles))), index)
@@ -219,7 +235,7 @@ class Diagnosis:
     @property
     def where(self) -> list[GapShare]:
         """Components of the gap, the largest share first; of trials that can blame something."""
-        return gap_shares([trial for trial in self.trials if trial.counts])
+        return gap_shares([trial for trial in self.fitting if trial.counts])
 
     def to_dict(self) -> dict[str, object]:
         """Return the content of ``diagnosis.json``."""
@@ -236,7 +252,7 @@ class Diagnosis:
             "unevenness": self.found.unevenness if self.found else None,
             "effects": [row.to_dict() for row in self.found.effects] if self.found else [],
             "explanations": self.found.explanations if self.found else [],
-            "misfit_trials": self.found.misfit_trials if self.found else {},
+            "misfit_trials": self.misfit_trials,
             "where": [share.to_dict() for share in self.where],
             "gap": self.gap.to_dict(),
             "gap_angles": _in_rad(self.gap_angles) if self.gap_angles else None,
@@ -276,7 +292,7 @@ def diagnose(
     tried = _hypotheses(simulator, dataset, request.effects)
     on_progress(Progress("measuring the floor", unit="robots"))
     located = locate(simulator, dataset, executor, request.seed, settings.gap)
-    parts = [trial.aligned for trial in located.trials], [trial.floors for trial in located.trials]
+    parts = [trial.aligned for trial in located.fitting], [trial.floors for trial in located.fitting]
     angles = located.located_gap_angles
     gap = NominalGap(simulator, *parts, located.located_gap.floor, angles.floor if angles else None)
     context = Context(Runner(executor, on_progress, cache), request.seed, settings)
@@ -354,6 +370,8 @@ def locate(
     parts = zip(cleaned, aligned, floors, strict=True)
     speeds = top_speeds([one for one in aligned if one.trial.drive.period_s is None])
     gaps = [trial_gap(simulator.problem, *part, speeds, settings) for part in parts]
+    odd = misfits(aligned, settings.align, settings.misfits)
+    gaps = [gap.with_mismatches(odd.get(gap.name, ())) for gap in gaps]
     name, source = simulator.problem.name, str(dataset.source)
     return Diagnosis(name, source, seed, simulator.fidelity, tuple(gaps))
 

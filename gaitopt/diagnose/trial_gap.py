@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from gaitopt.diagnose.gap.align import Aligned
+from gaitopt.diagnose.gap.align import Aligned, unlike
 from gaitopt.diagnose.gap.floor import Floor, Floors, marker_floor
 from gaitopt.diagnose.gap.leftover import TopSpeeds
+from gaitopt.diagnose.gap.misfits import MISFITS
 from gaitopt.diagnose.gap.mismatches import mismatches
 from gaitopt.diagnose.gap.settings import DEFAULT, GapSettings
 from gaitopt.diagnose.gap.split import COMPONENTS, Split, split
@@ -89,6 +90,20 @@ class TrialGap:
     def defects(self) -> tuple[Defect, ...]:
         """All defects of the record."""
         return self.cleaned.defects + self.mismatches
+
+    def with_mismatches(self, defects: Sequence[Defect]) -> TrialGap:
+        """Return the same with more defects that are seen only in comparison with predictions."""
+        return replace(self, mismatches=(*defects, *self.mismatches))
+
+    @property
+    def is_misfit(self) -> bool:
+        """Whether it cannot be a recording of the gait that it names."""
+        return any(defect.name in MISFITS for defect in self.mismatches)
+
+    @property
+    def unlike(self) -> float:
+        """Mean squared difference of measured and predicted signals, in variances of the measured ones."""
+        return unlike(self.aligned.trial, self.aligned.simulated, self.aligned.offset_s)
 
     @property
     def ratios(self) -> dict[str, float]:

@@ -74,7 +74,7 @@ def align(trial: Trial, simulated: Trajectory, settings: AlignSettings = DEFAULT
     """
     if simulated.status != "ok" or len(simulated.time) == 0:
         raise GaitoptError(f"trial {trial.name}: the simulation of its gait {simulated.status}")
-    offset = trial.starts_at_s if trial.starts_at_s is not None else _best_offset(trial, simulated, settings)
+    offset = trial.starts_at_s if trial.starts_at_s is not None else best_offset(trial, simulated, settings)
     time = trial.time + offset
     predicted, residual = {}, {}
     for name, series in trial.signals.items():
@@ -85,27 +85,45 @@ def align(trial: Trial, simulated: Trajectory, settings: AlignSettings = DEFAULT
     return Aligned(trial, simulated, offset, time, predicted, residual)
 
 
-def _best_offset(trial: Trial, simulated: Trajectory, settings: AlignSettings) -> float:
+def best_offset(trial: Trial, simulated: Trajectory, settings: AlignSettings = DEFAULT.align) -> float:
     """Return the gait time at the recording's zero that fits best, s."""
-    terms = []
-    for name in trial.signals:
-        time, series = trial.counted(name)
-        measured = without_line(time, series)
-        scale = float(np.sqrt(np.mean(measured**2))) or 1.0
-        terms.append((time, measured / scale, simulated[name] / scale))
-
-    def cost(offset: float) -> float:
-        return sum(
-            float(np.mean((measured - without_line(time, np.interp(time + offset, simulated.time, s))) ** 2))
-            for time, measured, s in terms
-        )
-
+    cost = _Unlike(trial, simulated).total
     longest = longest_offset(trial)
     offsets = np.linspace(-longest, longest, settings.offsets)
     best = int(np.argmin([cost(offset) for offset in offsets.tolist()]))
     bounds = (float(offsets[max(0, best - 1)]), float(offsets[min(len(offsets) - 1, best + 1)]))
     refined = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": settings.precision_s})
     return float(refined.x)
+
+
+def unlike(trial: Trial, simulated: Trajectory, offset: float) -> float:
+    """Return the mean squared difference of measured and predicted signals, about a line, in their spreads.
+
+    Args:
+        trial: the trial.
+        simulated: a prediction.
+        offset: gait time at the recording's zero, s.
+    """
+    return _Unlike(trial, simulated).total(offset) / len(trial.signals)
+
+
+class _Unlike:
+    """How unlike a recording and a prediction are, at any offset in time."""
+
+    def __init__(self, trial: Trial, simulated: Trajectory):
+        self._time, self._terms = simulated.time, []
+        for name in trial.signals:
+            time, series = trial.counted(name)
+            measured = without_line(time, series)
+            scale = float(np.sqrt(np.mean(measured**2))) or 1.0
+            self._terms.append((time, measured / scale, simulated[name] / scale))
+
+    def total(self, offset: float) -> float:
+        """Return the sum over the signals."""
+        return sum(
+            float(np.mean((measured - without_line(time, np.interp(time + offset, self._time, s))) ** 2))
+            for time, measured, s in self._terms
+        )
 
 
 def longest_offset(trial: Trial) -> float:

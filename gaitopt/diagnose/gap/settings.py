@@ -77,6 +77,32 @@ class MismatchSettings:
 
 
 @dataclass(frozen=True)
+class MisfitSettings:
+    """When a recording is taken not to be of its gait.
+
+    Attributes:
+        window: a robot stands still in a window of this length, in blocks,
+        still: if no signal's range in it exceeds this share of its usual range,
+        usual: which is this quantile over the windows: the robot may stand still in most of them,
+        above_noise: or this many times its noise.
+        expected: only windows count in which the prediction moves by this share of its usual range.
+        still_windows: it stands still for so many windows, up to the end.
+        unlike: a recording is not like its prediction if their mean squared difference is more than this, in
+            variances of the recording.
+        more_alike: it is like another gait's if that leaves at most this share.
+    """
+
+    window: float = 0.5
+    still: float = 0.08
+    usual: float = 0.85
+    above_noise: float = 8.0
+    expected: float = 0.3
+    still_windows: int = 2
+    unlike: float = 0.4
+    more_alike: float = 0.6
+
+
+@dataclass(frozen=True)
 class SplitSettings:
     """How a gap is split into its components.
 
@@ -154,6 +180,7 @@ class GapSettings:
     align: AlignSettings = AlignSettings()
     floor: FloorSettings = FloorSettings()
     mismatches: MismatchSettings = MismatchSettings()
+    misfits: MisfitSettings = MisfitSettings()
     split: SplitSettings = SplitSettings()
     split_commands: CommandSplitSettings = CommandSplitSettings()
 

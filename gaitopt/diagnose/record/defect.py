@@ -18,9 +18,9 @@ class Defect:
     Attributes:
         name: ``gaps``, ``frozen_frames``, ``marker_outliers``, ``clock_rounding``, ``wrong_frame_rate``,
             ``wrong_unit``, ``axis_reversed``, ``commands_beyond_range``, ``doubled_stamps``,
-            ``wrapped_angles``, ``stuck_angles`` or ``coarse_angles``; of imported files also
-            ``unlikely_points``, ``pixels``, ``side_view``, ``clock_zero``, ``clock_set_back`` and
-            ``late_commands``.
+            ``wrapped_angles``, ``stuck_angles``, ``coarse_angles``, ``another_gait`` or ``stands_still``; of
+            imported files also ``unlikely_points``, ``pixels``, ``side_view``, ``clock_zero``,
+            ``clock_set_back`` and ``late_commands``.
         trial: name of the trial.
         message: what was found, and what was done about it.
         masked: number of time stamps with samples that do not count.
