@@ -157,7 +157,7 @@ def _first_guess(
     """Return the floor's tags with a place each, and the camera of each view that sees one of them."""
     found = dict(floor)
     cameras: list[Pose | None] = [None] * len(views)
-    for _ in range(len(floor) + 1):
+    for _ in range(len(floor)):
         for index, view in enumerate(views):
             known = [n for n in view if found[n].place is not None]
             if not known:
@@ -171,6 +171,8 @@ def _first_guess(
             for n in view:
                 if found[n].place is None:
                     found[n] = replace(found[n], place=_place(lens.directions(view[n]), camera))
+        if all(tag.place is not None for tag in found.values()):
+            break
     return {n: tag for n, tag in found.items() if tag.place is not None}, cameras
 
 
@@ -181,13 +183,13 @@ def _above(camera: Pose) -> bool:
 
 def _place(directions: Array, camera: Pose) -> Array:
     """Return where on the floor the corners of a tag are: middle and turn, shape (3,)."""
-    points = _rays_on_floor(directions, camera)
+    points = rays_on_floor(directions, camera)
     middle = points.mean(axis=0)
     along = points[1] - points[0] + points[2] - points[3]
     return np.array([middle[0], middle[1], np.arctan2(along[1], along[0])])
 
 
-def _rays_on_floor(directions: Array, camera: Pose) -> Array:
+def rays_on_floor(directions: Array, camera: Pose) -> Array:
     """Return where directions, shape (n, 2), meet the floor, m, shape (n, 3)."""
     rays = np.column_stack([directions, np.ones(len(directions))]) @ camera.turn
     origin = -camera.turn.T @ camera.shift
@@ -280,7 +282,7 @@ def _sizes(
     found: dict[int, list[float]] = {}
     for view, camera in zip(views, cameras, strict=True):
         for n in (n for n in view if n in floor):
-            there = _rays_on_floor(lens.directions(view[n]), camera)
+            there = rays_on_floor(lens.directions(view[n]), camera)
             edge = np.linalg.norm(there - np.roll(there, 1, axis=0), axis=1).mean()
             found.setdefault(n, []).append(float(edge) / floor[n].size)
     return {n: float(np.median(ratios)) for n, ratios in found.items()}

@@ -23,11 +23,15 @@ from gaitopt.track.floor_sheet import SHEET_MM, SHEET_TAG_MM
 from gaitopt.track.room import FloorTag, Room, Seen, solved_room
 from gaitopt.track.seeing import Eye, edge_of
 from gaitopt.track.settings import DEFAULT, TrackSettings
+from gaitopt.track.shutter import readout_of, straightened
 
 Array = NDArray[np.float64]
 
 _FEWEST = 10
 """Fewest pictures of a film."""
+
+_SHUTTER_ROUNDS = 2
+"""Rounds in which a rolling shutter, lens and cameras are solved."""
 
 _REACH = 4.0
 """Standard deviations within which a joint has to move the bodies alike."""
@@ -94,6 +98,8 @@ class FilmTrack:
         defects: what is wrong with the film, and what was left out.
         frames: corners of the tags in each picture.
         edges_px: median edge of each tag in the pictures, pixels.
+        readout_s: how much later the last row of a picture is seen than the first, s, as a moving camera
+            shows; 0 where that is not known.
     """
 
     film: Path
@@ -106,6 +112,7 @@ class FilmTrack:
     defects: tuple[Defect, ...] = ()
     frames: Sequence[Seen] = field(default=(), repr=False)
     edges_px: Mapping[int, float] = field(default_factory=dict)
+    readout_s: float = 0.0
 
     @property
     def fps(self) -> float:
@@ -143,6 +150,7 @@ class FilmTrack:
             "fps": self.fps,
             "camera": "moving" if self.room.camera is None else "still",
             "lens": {"focal_px": lens.focal, "focal_sd_px": lens.focal_sd, "k1": lens.k1, "k2": lens.k2},
+            "readout_s": self.readout_s,
             "floor_error_px": self.room.error_px,
             "tags": [
                 {"tag": n, "seen": share, "edge_px": self.edges_px.get(n)} for n, share in self.shares.items()
@@ -186,7 +194,16 @@ def track_film(film: Path, tracker: Tracker, progress: OnProgress = silent) -> F
         raise GaitoptError(f"{film}: {error}") from None
     _check_sizes(film, room)
     cameras = paths.cameras_of(frames, room, settings)
-    found = {body.site: paths.path_of(body, frames, cameras, room, settings) for body in robot.bodies}
+    readout = np.zeros(2)
+    straight: Sequence[Seen] = frames
+    for _ in range(_SHUTTER_ROUNDS if room.camera is None else 0):
+        readout = readout_of(time, frames, cameras, room)
+        if not readout.any():
+            break
+        straight = straightened(time, frames, cameras, room, readout)
+        room = solved_room(straight, tracker.floor, size, settings)
+        cameras = paths.cameras_of(straight, room, settings)
+    found = {body.site: paths.path_of(body, straight, cameras, room, settings) for body in robot.bodies}
     found = {site: path for site, path in found.items() if path.seen.any()}
     signals, noise = _signals(robot, found)
     joints, joint_noise, defects = _joints(film, robot, found, settings)
@@ -204,6 +221,7 @@ def track_film(film: Path, tracker: Tracker, progress: OnProgress = silent) -> F
         tuple(everything),
         frames,
         _edges(frames, numbers),
+        float(readout[np.argmax(np.abs(readout))]),
     )
 
 
