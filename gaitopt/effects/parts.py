@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gaitopt.robot.contact import can_touch
 from gaitopt.robot.roles import Roles
-from gaitopt.robot.tree import driven_joints, robot_roots, surroundings, trunk
+from gaitopt.robot.tree import driven_joints, robot_bodies, robot_roots, surroundings, trunk
 
 ALL = "all"
 """The target that stands for every actuator."""
@@ -92,6 +92,11 @@ class Parts:
         trunk = [] if roles.trunk is None else [int(model.body(roles.trunk).id)]
         marker = [] if roles.marker is None else [int(model.site(roles.marker).bodyid[0])]
         return [*trunk, *marker, *(int(model.geom_bodyid[pad]) for pad in self.pads)]
+
+    @property
+    def robot_bodies(self) -> NDArray[np.bool_]:
+        """Which bodies are the robot's, shape (nbody,)."""
+        return robot_bodies(self.model, self.named_bodies)
 
     @property
     def surroundings(self) -> list[int]:

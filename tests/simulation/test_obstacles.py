@@ -71,6 +71,16 @@ def test_effects_act_on_the_trunk(problem: Problem) -> None:
     assert laden.body("trunk").mass[0] == pytest.approx(1.5)
 
 
+def test_a_larger_robot_stands_among_the_same_obstacles(problem: Problem) -> None:
+    before, grown = (
+        Simulator.build(one).models[0]
+        for one in (problem, problem.with_effects({"geometry_scale": {"scale": 1.1}}))
+    )
+    for name in filter(None, (before.body(i).name for i in range(1, before.nbody))):
+        sizes = [model.geom_rbound[model.body(name).geomadr[0]] for model in (before, grown)]
+        assert sizes[1] / sizes[0] == pytest.approx(1.0 if name in ("ramp", "box") else 1.1)
+
+
 def test_a_tendon_switches_off_no_effect_of_the_other_servos(problem: Problem) -> None:
     parts = nominal_parts(problem)
     idle = {name for name, effect in EFFECTS.items() if name.startswith("servo_") and effect.why_not(parts)}

@@ -123,8 +123,9 @@ def _scale_lengths(spec: mujoco.MjSpec, nominal: Parts, scale: float) -> None:
     frame = spec.worldbody.add_frame(
         scale=[scale] * 3, massscale=1.0, scaling=mujoco.mjtScaling.mjSCALING_GEOMETRY
     )
-    for body in list(spec.worldbody.bodies):
-        if body.parent.name == spec.worldbody.name:
+    others = set(range(nominal.model.nbody)) - set(np.flatnonzero(nominal.robot_bodies).tolist())
+    for index, body in enumerate(list(spec.bodies)):
+        if index and body.parent.name == spec.worldbody.name and index not in others:
             outermost = body.frame
             while outermost is not None and outermost.frame is not None:
                 outermost = outermost.frame
