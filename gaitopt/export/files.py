@@ -39,12 +39,13 @@ def export_files(
         from_datasheet: per channel, the values of its calibration that are not set.
     """
     jinja = environment()
-    output = format.output
+    output, bus = format.output, format.name.removesuffix("-arduino")
     known: dict[str, object] = {
         **vars(facts(table)),
         "format": format.name,
         "number": output.number,
-        "baud": PROTOCOLS[format.name].BAUD if format.name in PROTOCOLS else None,
+        "baud": PROTOCOLS[bus].BAUD if bus in PROTOCOLS else None,
+        "protocol": f"BUS_{bus.replace('-', '_').upper()}" if bus in PROTOCOLS else None,
     }
 
     def filled(template: str, **more: object) -> str:

@@ -125,3 +125,17 @@ for _name, _output in {
             output=_output,
         )
     )
+    register(
+        Format(
+            name=f"{_name}-arduino",
+            table_file="gait/table.h",
+            table=TEMPLATES / "table.h.jinja",
+            play=TEMPLATES / "play_bus_arduino.md.jinja",
+            copies={
+                **{f"gait/{name}": TEMPLATES / name for name in (*_PLAYER, "bus_packets.h", "bus_packets.c")},
+                "gait/gait.ino": TEMPLATES / "gait_bus.ino",
+            },
+            others=ESP32S,
+            output=_output,
+        )
+    )

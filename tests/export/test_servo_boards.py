@@ -5,6 +5,7 @@ Compilers that are not installed are skipped; .ci/run installs them.
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import sys
 from collections.abc import Iterator
@@ -15,7 +16,7 @@ from types import ModuleType
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from players import HERE, MICROPYTHON, STRICT, run, tool
+from players import HERE, MICROPYTHON, STRICT, TEMPLATES, run, tool
 
 from gaitopt.export.bus_packets import PROTOCOLS, Dynamixel, Feetech, crc16
 from gaitopt.export.files import export_files
@@ -342,3 +343,64 @@ def test_micropython_plays_on_a_bus(tmp_path: Path, name: str) -> None:
         wanted.append(tuple(player.pulse_us))
     walking = [row for row in seen if all(row)]
     assert walking[:40] == [row for row in wanted if all(row)][:40]
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    """The packets in C."""
+    path = tmp_path_factory.mktemp("bus") / "bus.so"
+    traps = ["-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"]
+    run(tool("gcc"), *STRICT, *traps, "-O1", "-fPIC", "-shared", TEMPLATES / "bus_packets.c", "-o", path)
+    loaded = ctypes.CDLL(str(path))
+    loaded.bus_positions.restype = loaded.bus_torque.restype = ctypes.c_uint8
+    loaded.bus_baud.restype = ctypes.c_uint32
+    return loaded
+
+
+@pytest.mark.parametrize(("number", "name"), list(enumerate(BUSES)))
+@given(data=st.data())
+def test_c_sends_the_packets_of_python(
+    library: ctypes.CDLL, number: int, name: str, data: st.DataObject
+) -> None:
+    ids = data.draw(st.lists(st.integers(0, 252), min_size=1, max_size=16, unique=True))
+    steps = [data.draw(st.integers(0, 4095)) for _ in ids]
+    on = data.draw(st.booleans())
+    packet = (ctypes.c_uint8 * 94)()
+    made = (ctypes.c_uint8 * len(ids))(*ids)
+    places = (ctypes.c_uint16 * len(ids))(*steps)
+    length = library.bus_positions(number, made, places, len(ids), packet)
+    assert bytes(packet[:length]) == PROTOCOLS[name].positions(list(zip(ids, steps, strict=True)))
+    length = library.bus_torque(number, made, len(ids), on, packet)
+    assert bytes(packet[:length]) == PROTOCOLS[name].torque(ids, on)
+    assert library.bus_baud(number) == PROTOCOLS[name].BAUD
+
+
+@pytest.mark.parametrize("name", BUSES)
+def test_the_arduino_sketch_plays_on_a_simulated_bus(tmp_path: Path, name: str) -> None:
+    folder = exported(tmp_path, f"{name}-arduino") / "gait"
+    for source in ("gait_player", "bus_packets"):
+        run(tool("gcc"), *STRICT, "-c", f"{source}.c", cwd=folder)
+    run(
+        tool("g++"), "-std=c++17", "-Wall", "-Wextra", "-Werror", "-DESP_ARDUINO_VERSION_MAJOR=3",
+        f"-I{HERE / 'mocks' / 'arduino'}", f"-I{folder}", HERE / "mocks" / "bus" / "main.cpp",
+        "gait_player.o", "bus_packets.o", "-o", "sketch", cwd=folder,
+    )  # fmt: skip
+    first, *lines = run(folder / "sketch").splitlines()
+    assert first == f"{PROTOCOLS[name].BAUD} baud, 1, RX 16, TX 17"
+    packets: dict[int, list[bytes]] = {}
+    for line in lines:
+        ms, _, numbers = line.partition(":")
+        packets.setdefault(int(ms), []).append(bytes(map(int, numbers.split())))
+    bus, player = SimulatedBus(name, [1, 2, 3]), player_of(table_for(f"{name}-arduino"))
+    for ms in range(3501):
+        now = (4_294_000_000 + 1000 * ms) % 2**32
+        if ms == 0:
+            player.start(now)
+        elif ms == 2000:
+            player.stop()
+        elif ms == 3400:
+            player.release()
+        player.tick(now)
+        for packet in packets.get(ms, []):
+            bus.write(packet)
+        assert [bus.position(id) if bus.torque(id) else 0 for id in (1, 2, 3)] == player.pulse_us
