@@ -39,6 +39,9 @@ from gaitopt.problem.problem import load_problem
 from gaitopt.robot.roles import Roles
 
 _NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
+_TIMESTEP_S = 0.005
+"""Longest working timestep, s: contacts of larger steps change a walk."""
+
 _PENALTY = 0.25
 """Cost of a serious violation of a limit, in lengths of the robot per second: 0.05 m/s for 0.2 m."""
 
@@ -62,7 +65,7 @@ class Draft:
         stance: where the start targets come from.
         changes: how the copy of the MJCF differs from the original.
         remarks: what a user should look at.
-        timestep_s: the MJCF's timestep.
+        timestep_s: the working timestep: the MJCF's, or a shorter one.
     """
 
     family: str
@@ -168,7 +171,7 @@ def _draft(
         stance=standing.origin,
         changes=changes,
         remarks=[*roles.remarks, *remarks_on(model, standing, roles.up)],
-        timestep_s=float(model.opt.timestep),
+        timestep_s=min(float(model.opt.timestep), _TIMESTEP_S),
     )
 
 

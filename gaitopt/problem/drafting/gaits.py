@@ -23,8 +23,12 @@ _LIFT_DEG = 25.0
 _WAVE_DEG = 50.0
 """Travel of a servo that swings a leg, that lifts one, and that bends a body: usual for small robots."""
 
-_REACHES = (1.0, 0.7, 0.5, 0.35)
-"""Shares of the usual travel: a first gait has the largest with which the robot stays on its feet."""
+_TRIALS = ((1.0, 1.0), (0.7, 1.0), (0.7, 1.5), (0.5, 1.5), (0.5, 2.0), (0.35, 2.0))
+"""Shares of the usual travel, and multiples of the usual period: a first gait has the first with which the
+robot stays on its feet."""
+
+_MOST_FLIGHT = 0.35
+"""Largest share of time without contact in a first gait."""
 
 _TRIAL_S = 4.0
 _FALLEN_RAD = 0.8
@@ -125,8 +129,8 @@ def first_gaits(
     period = max(_period(model, standing, axes), _slowest(model, _SWING_DEG))
     gaits = []
     for order in _orders(family, legs):
-        seconds = round(min(4.0, order.periods * period), 3)
-        for reach in _REACHES:
+        for reach, slower in _TRIALS:
+            seconds = round(min(4.0, slower * order.periods * period), 3)
             waves = _stepping(legs, order, travels, reach)
             if _stays_up(model, standing, waves, seconds):
                 break
@@ -231,7 +235,7 @@ def _stepping(
 
 
 def _stays_up(model: mujoco.MjModel, standing: Standing, waves: Mapping[str, Wave], period: float) -> bool:
-    """Return whether the trunk never tilts far while a gait is played from the pose at rest."""
+    """Return whether the trunk never tilts far, nor the robot hops, while a gait is played from rest."""
     model = copy.copy(model)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     data = copy.copy(standing.rested)
@@ -241,12 +245,14 @@ def _stays_up(model: mujoco.MjModel, standing: Standing, waves: Mapping[str, Wav
     least = math.cos(_FALLEN_RAD) * float(np.linalg.norm(model.opt.gravity)) ** 2
     cycles = np.arange(0.0, _TRIAL_S, step) / period
     targets = np.stack([channel.targets(cycles, EDGE_TOLERANCE) for channel in channels], axis=-1)
+    flights = 0
     for row in targets:
         data.ctrl[:] = row
         mujoco.mj_step(model, data)
+        flights += data.ncon == 0
         if data.warning.number.any() or data.xmat[body].reshape(3, 3) @ drawn @ -model.opt.gravity < least:
             return False
-    return True
+    return flights <= _MOST_FLIGHT * len(targets)
 
 
 def _still(travel: Travel) -> Wave:
@@ -308,9 +314,16 @@ def _in_turn(travels: Sequence[Travel]) -> FirstGait:
 def _period(model: mujoco.MjModel, standing: Standing, axes: Array) -> float:
     """Return the period of a trot, s."""
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
-    low = min((float(axes[2] @ standing.rested.geom_xpos[geom]) for geom in standing.touching), default=0.0)
+    low = min((_bottom(model, standing.rested, geom, axes[2]) for geom in standing.touching), default=0.0)
     height = max(0.01, float(axes[2] @ standing.rested.xpos[trunk(model)]) - low)
     return round(max(0.25, _STEP * math.sqrt(height / gravity)), 3)
+
+
+def _bottom(model: mujoco.MjModel, data: mujoco.MjData, geom: int, up: Array) -> float:
+    """Return the height of the lowest corner of a geom's box, m."""
+    middle, half = np.split(np.array(model.geom_aabb[geom]), 2)
+    turn = data.geom_xmat[geom].reshape(3, 3)
+    return float(up @ (data.geom_xpos[geom] + turn @ middle)) - float(np.abs(up @ turn) @ half)
 
 
 def _slowest(model: mujoco.MjModel, travel_deg: float) -> float:
