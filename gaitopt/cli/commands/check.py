@@ -21,7 +21,6 @@ def run(options: Options) -> None:
     from gaitopt.cli.progress import show_checks
     from gaitopt.core.progress import silent
     from gaitopt.jobs.check import check
-    from gaitopt.simulation.audit.finding import FINDING_KINDS
 
     problem = problem_of(options)
     findings = check(
@@ -39,8 +38,8 @@ def run(options: Options) -> None:
     for finding in findings:
         where = f" at {finding.gait}" if finding.gait else ""
         say(f"{finding.name}{where}: {finding.message}")
-    for kind in dict.fromkeys(finding.name for finding in findings):
-        say(f"to do about {kind}: {FINDING_KINDS[kind].remedy}")
+    for kind, remedy in {finding.name: finding.remedy for finding in findings}.items():
+        say(f"to do about {kind}: {remedy}")
     print_report(options.out)
 
 
