@@ -74,6 +74,7 @@ def track(
     out: Path | str,
     options: TrackOptions | None = None,
     on_progress: OnProgress = silent,
+    report: Path | str | None = None,
 ) -> TrackRun:
     """Write a data set of films of a tagged robot; nothing is written unless all can be tracked.
 
@@ -84,13 +85,18 @@ def track(
         out: the new data set.
         options: what films and the problem do not say.
         on_progress: called after some pictures.
+        report: a new or an empty folder for a page, with the tags drawn into the films; none by default.
 
     Raises:
-        GaitoptError: the folder holds something, an option is out of range, or a film cannot be tracked.
+        GaitoptError: a folder holds something, an option is out of range, or a film cannot be tracked.
     """
     options = options or TrackOptions()
     folder, paths = Path(out), [Path(film) for film in films]
     check_new_or_empty(folder)
+    page = None if report is None else Path(report)
+    check_new_or_empty(page)
+    if page is not None and page.absolute() == folder.absolute():
+        raise GaitoptError(f"--report: found {page}; allowed: another folder than the data set's")
     gaits = [gaits] if isinstance(gaits, str) else list(gaits)
     _check(options, paths, gaits, problem)
     tracker = Tracker.of(problem, _all_tags(problem, options), options.ruler_mm / _RULER_MM)
@@ -101,7 +107,12 @@ def track(
         for index, found in enumerate(tracks)
     ]
     recordings = write_recordings(read, gaits, folder, ImportOptions(), problem)
-    return TrackRun(folder, tuple(tracks), tuple(recordings))
+    done = TrackRun(folder, tuple(tracks), tuple(recordings))
+    if page is not None:
+        from gaitopt.report.tracking import write_tracking
+
+        write_tracking(page, tracks, done.defects, tracker)
+    return done
 
 
 def _motion(found: FilmTrack, sync_at_s: float | None) -> Motion:

@@ -26,8 +26,11 @@ Relative = tuple[Array, Array]
 _STEP, _MOVES = 1e-5, 1e-7
 """Turn of a joint in a difference quotient, rad, and the motion that counts as one, m or rad."""
 
-_ROUNDS, _STRIDE = 12, 0.4
-"""Most rounds of a fit of angles, and the longest step in one, rad."""
+_ROUNDS, _STRIDE, _SETTLED = 20, 0.4, 1e-4
+"""Most rounds of a fit of angles, the longest step in one, and that after which it has settled, rad."""
+
+_BEYOND = 0.1
+"""How far beyond its range an angle may be found, rad."""
 
 _SHARES = (0.15, 0.4, 0.65, 0.9)
 """Where in its range a joint begins in a fit."""
@@ -228,11 +231,13 @@ class Link:
                 return None
             step = np.linalg.solve(normal, slopes.T @ weights @ _difference(seen, self._relative(q)))
             q = np.asarray(q + np.clip(step, -_STRIDE, _STRIDE), dtype=float)
-            if np.abs(step).max() < 1e-6:
+            if np.abs(step).max() < _SETTLED:
                 break
+        else:
+            return None
         left = _difference(seen, self._relative(q))
         inside = all(
-            low - _STRIDE <= angle <= high + _STRIDE
+            low - _BEYOND <= angle <= high + _BEYOND
             for angle, (low, high) in zip(q, map(self._range, self.joints), strict=True)
         )
         if not inside:

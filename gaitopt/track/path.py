@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _MOST_COST = 25.0
 """Squared error of a picture, in variances, that speaks against a pose at most: errors are not all chance."""
 
-_JUMP_RAD, _AWAY_RAD = 0.17, 0.7
+_JUMP_RAD, _AWAY_RAD = 0.09, 0.7
 """Turns between two pictures, and away from the pose before the gait, that speak against a pose by 1."""
 
 _STEP = 1e-6

@@ -33,7 +33,7 @@ _FEWEST = 10
 _SHUTTER_ROUNDS = 2
 """Rounds in which a rolling shutter, lens and cameras are solved."""
 
-_REACH = 4.0
+_REACH = 8.0
 """Standard deviations within which a joint has to move the bodies alike."""
 
 _SAME = 0.03

@@ -1,6 +1,7 @@
 """`gaitopt track`: from a phone's film to a data set."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,9 @@ from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.jobs.track import TrackOptions, track
 from gaitopt.problem.instruments import measurable_signals
 from gaitopt.problem.problem import Problem
+from gaitopt.track.advice import advice
+from gaitopt.track.film import pictures
+from gaitopt.track.tracking import Tracker
 
 pytestmark = [pytest.mark.slow, needs_opengl]
 
@@ -60,6 +64,33 @@ def test_a_printer_that_shrinks_is_corrected(filmed: Walk, arcfold: Problem, tmp
     ]
     ranges = [np.ptp(film.signals["site.base_tag.z"]) for film in films]
     assert ranges[1] / ranges[0] == pytest.approx(0.95, abs=0.01)
+
+
+def test_the_page_shows_what_was_found(filmed: Walk, tmp_path: Path, capsys: Any) -> None:
+    given = ["track", str(filmed.path), "--problem", "arcfold", "--gait", "square-0.5s", "--quiet"]
+    assert cli.main([*given, "--out", str(tmp_path / "set"), "--report", str(tmp_path / "page")]) == 0
+    html = (tmp_path / "page" / "report.html").read_text()
+    assert "next time" in html
+    assert "Not drawn" not in html
+    assert "tail_tag" in html
+    overlay = list(pictures(tmp_path / "page" / "overlays" / "walk.mp4"))
+    assert len(overlay) == len(filmed.times)
+    assert cli.main([*given, "--out", str(tmp_path / "x"), "--report", str(tmp_path / "x")]) == 1
+    assert "allowed: another folder than the data set's" in capsys.readouterr().err
+    assert not (tmp_path / "x").exists()
+
+
+def test_advice_is_given_where_a_film_could_be_better(filmed: Walk, arcfold: Problem, tmp_path: Path) -> None:
+    found = track([filmed.path], arcfold, "square-0.5s", tmp_path / "set").films[0]
+    tracker = Tracker.of(arcfold, {int(n): tag for n, tag in arcfold.file.tags.items()})
+    far = replace(found, edges_px=dict(found.edges_px) | {1: 20.0}, shares=dict(found.shares) | {0: 0.5})
+    said = [line for line in advice(far, tracker) if not line.startswith("Tag 0 is 3")]
+    assert said[0] == "Tag 1 is 20 pixels wide: print it with 50 mm instead of 20 mm, or film from nearer."
+    assert said[1] == "Tag 0 is seen in 50% of the frames: keep it in the picture, unhidden and sharp."
+    blind = replace(found, noise=dict(found.noise) | {"site.tail_tag.yaw": 0.05})
+    assert any(
+        line.startswith("The angles of tail_tag are known to 2.9° only") for line in advice(blind, tracker)
+    )
 
 
 @pytest.mark.parametrize(

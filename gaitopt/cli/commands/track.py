@@ -43,6 +43,8 @@ def add_options(parser: Parser) -> None:
         metavar="S",
         help="time in the film at which the gait began, if it is seen; one for all films, or one each",
     )
+    about = "write a page into this folder: tracks, gaps, noise, advice, and the films with the tags drawn in"
+    add("--report", type=Path, metavar="DIR", help=about)
     parser.set_defaults(parameters=[])
     add_quiet(parser)
     add_json(parser)
@@ -67,7 +69,8 @@ def run(options: Options) -> None:
         sync_at_s=options.sync_at,
     )
     with frames_display(options.quiet) as show:
-        done = track(options.films, problem_of(options), options.gait, options.out, unsaid, show)
+        problem = problem_of(options)
+        done = track(options.films, problem, options.gait, options.out, unsaid, show, options.report)
     if options.json:
         print_json(done.to_dict())
         return
@@ -78,6 +81,8 @@ def run(options: Options) -> None:
     for defect in done.defects:
         say(f"- {defect.trial}: {defect.name}: {defect.message}")
     say(f"data set: {done.folder}")
+    if options.report is not None:
+        say(f"page: {options.report / 'report.html'}")
 
 
 COMMAND = Command(
