@@ -41,6 +41,7 @@ from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
 from gaitopt.problem.robot import Robot
+from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import measure
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import draw_scenarios
@@ -53,19 +54,7 @@ LEAD_S = 0.05
 EXTENDS_AT = 0.25
 """Share of the baselines' cycle at which the middle hinge begins to straighten."""
 
-VARIED = ("square-1s", "square-0.5s")
-SCENARIOS = 12
-SCENARIO_SEED = 1
-"""Draws of the problem's scenarios: friction, strength and trim of the servos, start pose."""
-
 REAL = "real robot"
-MODEL_ONLY = (
-    "sideways_0.5s_mm_s",
-    *(f"reached_0.5s_{channel}" for channel in ("mid_act", "foot1", "foot2")),
-    *(f"varied_{name.removeprefix('square-')}{part}_mm_s" for name in VARIED for part in ("", "_sd")),
-)
-"""Columns that the row of the real robot leaves empty."""
-
 SERVOS = (0.0233, 0.03, 0.035, 0.0375, 0.04, 0.0425, 0.045, 0.05, 0.055, 0.06, 0.07)
 
 
@@ -91,6 +80,18 @@ TRIALS = (Trial("gait-4s.csv", "square-4s", 2.85, 6), Trial("gait-1s.csv", "squa
 
 FAST_TRIAL = Trial("gait-0.5s.csv", "square-0.5s", 0.45, 19)
 """Its rises follow each other without a rest, so only speed and swing are compared."""
+
+VARIED = (TRIALS[1], FAST_TRIAL)
+SCENARIOS = 12
+SCENARIO_SEED = 1
+"""Draws of the problem's scenarios: friction, strength and trim of the servos, start pose."""
+
+MODEL_ONLY = (
+    "sideways_0.5s_mm_s",
+    *(f"reached_0.5s_{channel}" for channel in ("mid_act", "foot1", "foot2")),
+    *(f"varied_{trial.gait.removeprefix('square-')}{part}_mm_s" for trial in VARIED for part in ("", "_sd")),
+)
+"""Columns that the row of the real robot leaves empty."""
 
 SPEEDS = tuple(Choice(f"b_motor {b:g}", {"b_motor": b}) for b in SERVOS)
 
@@ -243,13 +244,10 @@ def fast(simulator: Simulator, executor: Executor) -> Row:
     """Return the cells about the fast gait; its standard errors are over starts."""
     problem, robot = simulator.problem, Robot.of(simulator.models[0])
     gait = problem.baselines[FAST_TRIAL.gait]
-    transient, cycles = HORIZON.cycles(gait.period_s)
 
     def one(scenario: int) -> tuple[Features, Mapping[str, float]]:
         path = simulator.run(gait, scenario)
-        begin = transient * gait.period_s
-        found = swings(path.time, path["marker.x"], gait.period_s, begin, cycles)
-        return found, measure(problem, gait, path, robot)
+        return filmed(path, gait, FAST_TRIAL), measure(problem, gait, path, robot)
 
     runs = list(executor.map(one, range(STARTS)))
     row = fast_columns({name: np.array([found[name].mean() for found, _ in runs]) for name in runs[0][0]})
@@ -259,20 +257,26 @@ def fast(simulator: Simulator, executor: Executor) -> Row:
     return row
 
 
+def filmed(path: Trajectory, gait: Gait, trial: Trial) -> Features:
+    """Return the features of as many cycles as a trial has, after the first: the robot walks in a curve."""
+    return swings(path.time, path["marker.x"], gait.period_s, gait.period_s, trial.cycles)
+
+
 def varied(problem: Problem, executor: Executor) -> Row:
     """Return the mean speeds and their standard deviations over the problem's scenarios."""
     scenarios = draw_scenarios(problem, SCENARIOS, (SCENARIO_SEED,))
-    simulator = Simulator.build(problem, scenarios, problem.simulation.reference)
-    robot, row = Robot.of(simulator.models[0]), {}
-    for name in VARIED:
-        gait = problem.baselines[name]
+    simulator, row = Simulator.build(problem, scenarios, problem.simulation.reference), {}
+    for trial in VARIED:
+        gait = problem.baselines[trial.gait]
+        duration = (1 + trial.cycles) * gait.period_s
 
-        def speed(scenario: int, gait: Gait = gait) -> float:
-            path = simulator.run(gait, scenario)
-            return 1e3 * measure(problem, gait, path, robot)["speed_m_s"]
+        def speed(
+            scenario: int, gait: Gait = gait, trial: Trial = trial, duration: float = duration
+        ) -> float:
+            return float(filmed(simulator.run(gait, scenario, duration), gait, trial)["speed"].mean())
 
         speeds = np.array(list(executor.map(speed, range(SCENARIOS))))
-        label = name.removeprefix("square-")
+        label = trial.gait.removeprefix("square-")
         row[f"varied_{label}_mm_s"] = figure(speeds.mean(), 4)
         row[f"varied_{label}_sd_mm_s"] = figure(float(np.std(speeds, ddof=1)), 2)
     return row
