@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from gaitopt.jobs.plan import plan
     from gaitopt.jobs.simulate import Rollout, simulate
     from gaitopt.jobs.sweep import SweepRun, sweep
+    from gaitopt.jobs.tags import TagSheets, tags
+    from gaitopt.jobs.track import TrackOptions, TrackRun, track
     from gaitopt.optimise.run import Optimised
     from gaitopt.plan.plan import Plan
     from gaitopt.problem.problem import Problem, load_problem
@@ -76,6 +78,9 @@ __all__ = [
     "Rollout",
     "Stopped",
     "SweepRun",
+    "TagSheets",
+    "TrackOptions",
+    "TrackRun",
     "Trajectory",
     "answer",
     "audit",
@@ -100,6 +105,8 @@ __all__ = [
     "silence_warnings",
     "simulate",
     "sweep",
+    "tags",
+    "track",
     "write_gait",
 ]
 
@@ -177,6 +184,15 @@ _HOMES = {
     "gaitopt.jobs.sweep": (
         "SweepRun",
         "sweep",
+    ),
+    "gaitopt.jobs.tags": (
+        "TagSheets",
+        "tags",
+    ),
+    "gaitopt.jobs.track": (
+        "TrackOptions",
+        "TrackRun",
+        "track",
     ),
     "gaitopt.optimise.run": ("Optimised",),
     "gaitopt.plan.plan": ("Plan",),

@@ -10,7 +10,7 @@ import pytest
 import gaitopt
 from gaitopt import api
 
-JOBS = ("diagnose", "export", "optimise", "plan")
+JOBS = ("diagnose", "export", "optimise", "plan", "track")
 """Jobs whose names are also those of packages inside."""
 
 
