@@ -43,7 +43,7 @@ def _small(found: FilmTrack, tracker: Tracker) -> list[str]:
             edge = found.edges_px.get(number, _WANTED_PX)
             if edge < _FEW_PX:
                 size = 1e3 * float(np.linalg.norm(corners[1] - corners[0]))
-                wanted = 5.0 * math.ceil(size * _WANTED_PX / edge / 5.0)
+                wanted = 5.0 * math.ceil(size * _WANTED_PX / edge / 5.0 - 1e-6)
                 lines.append(
                     f"Tag {number} is {edge:.0f} pixels wide: print it with {wanted:.0f} mm instead of "
                     f"{size:.0f} mm, or film from nearer."
