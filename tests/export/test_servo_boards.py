@@ -1,4 +1,4 @@
-"""Servo boards and buses: a PCA9685 and servos of three protocols, simulated, get what the player says.
+"""Servo buses: simulated servos of three protocols get what the player says.
 
 Compilers that are not installed are skipped; .ci/run installs them.
 """
@@ -8,198 +8,20 @@ from __future__ import annotations
 import ctypes
 import importlib
 import sys
-from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from players import HERE, MICROPYTHON, STRICT, TEMPLATES, run, tool
+from players import HERE, STRICT, TEMPLATES, run, tool
+from servo_boards import exported, on_the_board, table_for
 
 from gaitopt.export.bus_packets import PROTOCOLS, Dynamixel, Feetech, crc16
-from gaitopt.export.files import export_files
-from gaitopt.export.formats import FORMATS
-from gaitopt.export.gait_player import HOLDING, STAGGER_US, Player
-from gaitopt.export.numbering import wired
-from gaitopt.export.output import PCA9685
-from gaitopt.export.pca9685 import divider, pulse, setup, ticks, width_us
-from gaitopt.export.replay import Replay
+from gaitopt.export.gait_player import HOLDING
 from gaitopt.export.stages import player_of
-from gaitopt.gait.table import GaitTable
-from gaitopt.problem.problem import load_problem
 
 BUSES = ("feetech-sts", "feetech-scs", "dynamixel")
-
-
-@cache
-def table_for(name: str) -> GaitTable:
-    """ArcFold's 1 s gait on the output of a format, with a sync LED."""
-    output = FORMATS[name].output
-    problem = wired(load_problem("arcfold"), output)
-    servos = {name: channel.servo for name, channel in problem.file.channels.items()}
-    gait = problem.baselines["square-1s"]
-    return GaitTable.sample(gait, servos, [0.0] * 3, 0.02, [40, 0, 0], led_pin=2, unit=output.unit)
-
-
-def exported(folder: Path, name: str) -> Path:
-    """Write the files of a format."""
-    replay, unset = Replay(1.0, 1.0, 0.0, (0.0, 0.0), {}), {key: [] for key in table_for(name).servos}
-    for path, text in export_files(FORMATS[name], table_for(name), replay, [], unset).items():
-        (folder / path).parent.mkdir(exist_ok=True)
-        (folder / path).write_text(text)
-    return folder
-
-
-# --- PCA9685 ---------------------------------------------------------------------------------------
-
-
-def test_the_clock_of_a_pca9685_is_the_datasheets() -> None:
-    """NXP, PCA9685 Rev. 4, section 7.3.5: 200 Hz is a prescale of 30 (1Eh); 50 Hz is 121."""
-    assert divider(5_000) - 1 == 30
-    assert divider(20_000) - 1 == 121
-    assert width_us(ticks(1500, 122), 122) == pytest.approx(1498.16)
-    with pytest.raises(ValueError, match="FRAME_US: found 43000; allowed: 656 to 41943"):
-        setup(43_000)
-
-
-@given(st.integers(1, 65535), st.integers(656, 41_943))
-def test_a_pulse_is_off_by_half_a_step_at_most(pulse_us: int, frame_us: int) -> None:
-    step_us = divider(frame_us) / 25
-    sent = PCA9685.rounded(pulse_us, frame_us)
-    assert abs(sent - pulse_us) <= 0.5 * step_us + 1e-9 or sent == pytest.approx(4095 * step_us)
-    words = pulse(3, pulse_us, frame_us)
-    assert words[:3] == bytes((6 + 12, 0, 0))
-    assert width_us(words[3] + 256 * words[4], divider(frame_us)) == pytest.approx(sent)
-
-
-def steps_of(player: Player) -> list[int]:
-    """What each output of a PCA9685 gets now, steps."""
-    return [ticks(pulse_us, divider(20_000)) if pulse_us else 0 for pulse_us in player.pulse_us]
-
-
-def pca9685_changes() -> Iterator[str]:
-    """What the Python player gives for the commands of the mock's main.cpp, a line for each change."""
-    player, last = player_of(table_for("pca9685-arduino")), [0, 0, 0]
-    for ms in range(3501):
-        now = (4_294_000_000 + 1000 * ms) % 2**32
-        if ms == 0:
-            player.start(now)
-        elif ms == 2000:
-            player.stop()
-        elif ms == 3400:
-            player.release()
-        player.tick(now)
-        for output, (before, steps) in enumerate(zip(last, steps_of(player), strict=True)):
-            if steps != before:
-                yield f"{ms} ms: {output} {steps}"
-        last = steps_of(player)
-
-
-@pytest.mark.parametrize("core", [2, 3])
-def test_the_arduino_sketch_plays_on_a_pca9685(tmp_path: Path, core: int) -> None:
-    compiler, c_compiler = tool("g++"), tool("gcc")
-    folder = exported(tmp_path, "pca9685-arduino") / "gait"
-    run(c_compiler, *STRICT, "-c", "gait_player.c", cwd=folder)
-    run(
-        compiler, "-std=c++17", "-Wall", "-Wextra", "-Werror", f"-DESP_ARDUINO_VERSION_MAJOR={core}",
-        f"-I{HERE / 'mocks' / 'arduino'}", f"-I{HERE / 'mocks' / 'pca9685'}", f"-I{folder}",
-        HERE / "mocks" / "pca9685" / "main.cpp", "gait_player.o", "-o", "sketch", cwd=folder,
-    )  # fmt: skip
-    printed = run(folder / "sketch").splitlines()
-    assert printed[0] == "122 clocks a step, 400000 Hz"
-    assert printed[1:] == list(pca9685_changes())
-
-
-PCA9685_BOARD = """
-import sys
-
-
-class Module:
-    pass
-
-
-class Pin:
-    OUT = 1
-
-    def __init__(self, pin, mode=None, value=0):
-        self.pin = pin
-
-    def value(self, level):
-        pass
-
-
-class I2C:
-    def __init__(self, id, sda, scl, freq):
-        print(id, sda.pin, scl.pin, freq)
-
-    def writeto(self, address, words):
-        print(address, " ".join(str(word) for word in words))
-
-
-class Clock:
-    now = (1 << 30) - 500000
-
-    def ticks_us(self):
-        self.now += 100
-        return self.now % (1 << 30)
-
-    def ticks_diff(self, one, other):
-        return (one - other + (1 << 29)) % (1 << 30) - (1 << 29)
-
-    def sleep_ms(self, ms):
-        self.now += 1000 * ms
-
-
-class UART:
-    def __init__(self, id, baudrate, tx, rx):
-        print(id, baudrate, tx, rx)
-
-    def write(self, words):
-        print(" ".join(str(word) for word in words))
-
-
-machine = Module()
-machine.Pin, machine.I2C, machine.UART = Pin, I2C, UART
-sys.modules["machine"], sys.modules["time"] = machine, Clock()
-import gait_servos
-
-"""
-
-
-def on_the_board(folder: Path, last: str, names: tuple[str, ...]) -> list[str]:
-    """What MicroPython prints on a board with an I2C bus and a UART whose clock wraps at 2^30."""
-    node = tool("node")
-    if not MICROPYTHON.is_dir():
-        pytest.skip(f"MicroPython as WebAssembly is not installed: npm install --prefix {HERE}")
-    main = folder / "main.py"
-    main.write_text(PCA9685_BOARD + last)
-    files = [folder / f"{name}.py" for name in ("gait_table", "gait_player", "gait_servos", *names)]
-    return run(node, HERE / "micropython.mjs", main, *files).splitlines()
-
-
-def test_micropython_plays_on_a_pca9685(tmp_path: Path) -> None:
-    folder = exported(tmp_path, "pca9685-micropython")
-    printed = on_the_board(folder, "gait_servos.run(1.5)\n", ("pca9685",))
-    assert printed[0] == "0 21 22 400000"
-    assert printed[1:6] == ["64 253 16", "64 0 16", "64 254 121", "64 1 4", "64 0 32"]
-    sent = [[int(word) for word in line.split()] for line in printed[6:]]
-    assert {tuple(words[:2]) for words in sent} == {(64, 6), (64, 10), (64, 14)}
-    first = [words[4] + 256 * words[5] for words in sent if words[1] == 6 and words[5] != 16]
-    player = player_of(table_for("pca9685-micropython"))
-    player.start(0)
-    wanted = []
-    for frame in range(len(first)):
-        player.tick(20_000 * frame)
-        if player.state and frame == 3 * STAGGER_US // 20_000 + 1 + 75:
-            player.stop()
-        wanted.append(steps_of(player)[0])
-    assert first[:100] == wanted[:100]
-    assert [words[2:] for words in sent[-3:]] == [[0, 0, 0, 16]] * 3
-
-
-# --- buses -----------------------------------------------------------------------------------------
 
 
 class SimulatedBus:
