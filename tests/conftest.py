@@ -1,5 +1,6 @@
 """Robots that the tests share, and how the tests are run."""
 
+import contextlib
 import os
 from pathlib import Path
 from typing import Any
@@ -8,13 +9,17 @@ import pytest
 from helpers import ROBOTS, problem_folder
 from hypothesis import settings
 
+from gaitopt.core.errors import GaitoptError
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.robot.warnings import silence_warnings
+from gaitopt.track.opencv import opencv
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 settings.register_profile("gaitopt", deadline=None, derandomize=True, database=None)
 settings.load_profile("gaitopt")
 silence_warnings()  # as the command line does
+with contextlib.suppress(GaitoptError):
+    opencv()  # an import of cv2 by a test would leave its library path to the programs that other tests start
 
 
 @pytest.fixture(autouse=True)

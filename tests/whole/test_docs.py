@@ -31,6 +31,7 @@ from gaitopt.cli.commands import COMMANDS
 from gaitopt.cli.demo import demo_problem
 from gaitopt.core.files import write_text
 from gaitopt.jobs import blind
+from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.rollout import Simulator
 
@@ -168,8 +169,7 @@ def test_the_api_pages_examples(quick: Problem, capsys: pytest.CaptureFixture[st
 def test_the_examples_of_the_help(quick: Problem) -> None:
     film_of_a_robot(Path("walk.txt"))
     film_of_tags(Path("phone.mp4"), quick)
-    arcfold = Path("arcfold") / "arcfold.xml"
-    write_text(Path("walker.xml"), arcfold.read_text())
+    write_text(Path("walker.xml"), nominal_mjcf(load_problem("arcfold")))
     found = dict(examples(COMMANDS, "gaitopt"))
     assert {"gaitopt blind make", "gaitopt blind score"} < set(found)
     assert all(command.startswith(name) for name, command in found.items())

@@ -80,7 +80,7 @@ def test_outliers_are_found_under_noise_and_explain_themselves(diagnosed: Diagno
     diagnosis = diagnosed(change=spoil)
     assert (diagnosis.verdict, diagnosis.causes) == ("explained", ["marker_outliers"])
     assert diagnosis.where[0].component == heaviest(diagnosis) == "noise"
-    assert diagnosis.gap.before > 3.0 * diagnosis.gap.after
+    assert diagnosis.gap.before > 2.5 * diagnosis.gap.after
 
 
 def test_rounded_time_stamps_are_found_under_timing_and_explain_themselves(diagnosed: Diagnosed) -> None:
