@@ -21,6 +21,12 @@ from gaitopt.core.text import one_line, plain
 from gaitopt.report import settings as defaults
 from gaitopt.runs.folder import write_into
 
+_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data: blob:; "
+    "media-src data: blob:; connect-src data: blob:"
+)
+"""What a browser may load for a page: nothing that is not in the file."""
+
 _UNIT = r"mm/s|mm|m/s|ms|m|s|°/s|°|rad/s|rad|N m|Hz|gaits|times"
 
 
@@ -55,6 +61,9 @@ class Section:
         caption: what to see in it.
         commands: lines to type.
         folded: whether it opens on request.
+        body: HTML of a part with its own template, such as a player; it stands after the picture.
+        styles: style sheets in ``templates/`` that the body needs; a page has each of them once.
+        scripts: scripts in ``templates/`` that the body needs; likewise, at the end of the page.
     """
 
     title: str
@@ -64,6 +73,9 @@ class Section:
     caption: str = ""
     commands: Sequence[str] = ()
     folded: bool = False
+    body: Markup | None = None
+    styles: Sequence[str] = ()
+    scripts: Sequence[str] = ()
 
     @property
     def anchor(self) -> str:
@@ -102,23 +114,38 @@ class Page:
 
     def html(self) -> str:
         """Return the page."""
-        environment = jinja2.Environment(
-            autoescape=True,
-            trim_blocks=True,
-            lstrip_blocks=True,
-            loader=jinja2.PackageLoader("gaitopt.report"),
-            finalize=_shown,
-        )
-        environment.filters["typeset"] = typeset
         made_by = f"gaitopt {version('gaitopt')} and MuJoCo {version('mujoco')}"
-        return environment.get_template("page.html").render(
-            page=self, anchors=_anchors(self.sections), made_by=made_by
+        return rendered(
+            "page.html",
+            page=self,
+            anchors=_anchors(self.sections),
+            made_by=made_by,
+            policy=_POLICY,
+            styles=_once("page.css", *(name for section in self.sections for name in section.styles)),
+            scripts=_once(*(name for section in self.sections for name in section.scripts)),
         )
+
+
+def rendered(template: str, **values: object) -> Markup:
+    """Return a template of ``templates/`` with some values; texts among them are escaped."""
+    environment = jinja2.Environment(
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        loader=jinja2.PackageLoader("gaitopt.report"),
+        finalize=_shown,
+    )
+    environment.filters["typeset"] = typeset
+    return Markup(environment.get_template(template).render(**values))
+
+
+def _once(*names: str) -> list[str]:
+    return list(dict.fromkeys(names))
 
 
 def typeset(text: str) -> Markup:
     """Return a text as HTML with minus signs, and with figures and units, and gaits' names, on one line."""
-    html = str(escape(text))
+    html = str(escape(plain(text)))
     html = re.sub(r"(?<![\w.)\]-])-(?=[\d∞])", "−", html)
     html = re.sub(r"(?<=\d) ?%", "\u00a0%", html)
     html = re.sub(rf"(?<=\d) (?=(?:{_UNIT})(?!\w))", "\u00a0", html)
@@ -159,10 +186,8 @@ def after_results(folder: Path, results: str, again: str = "") -> Iterator[None]
 
 
 def _shown(value: object) -> object:
-    """Return a value as a page shows it: a text is always plain."""
-    if isinstance(value, Markup):
-        return Markup(plain(value))
-    return plain(value) if isinstance(value, str) else value
+    """Return a value as a page shows it: a text is always plain; HTML is what made it."""
+    return plain(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def save_figures(folder: Path, pictures: Mapping[str, Picture]) -> list[Section]:
