@@ -7,6 +7,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import jinja2
 
@@ -48,20 +49,21 @@ def export_files(
         "protocol": f"BUS_{bus.replace('-', '_').upper()}" if bus in PROTOCOLS else None,
     }
 
-    def filled(template: str, **more: object) -> str:
-        return jinja.from_string(template).render(known | more)
+    def filled(template: Path, **more: object) -> str:
+        return jinja.from_string(read_text(template)).render(known | more)
 
-    texts = {format.table_file: filled(read_text(format.table))}
-    texts |= {path: read_text(source) for path, source in format.copies.items()}
+    texts = {format.table_file: filled(format.table)}
+    for path, source in format.copies.items():
+        texts[path] = filled(source) if source.suffix == ".jinja" else read_text(source)
     texts[README] = filled(
-        read_text(TEMPLATES / "README.md.jinja"),
+        TEMPLATES / "README.md.jinja",
         table_file=format.table_file,
         replay=replay,
         warnings=warnings,
         from_datasheet=from_datasheet,
-        wiring=filled(read_text(output.wiring)),
+        wiring=filled(output.wiring),
         wiring_notes=_wiring_notes(format, table),
-        play=filled(read_text(format.play)),
+        play=filled(format.play),
     )
     return texts
 
@@ -153,7 +155,11 @@ def _cell(text: str) -> str:
 
 def environment() -> jinja2.Environment:
     """Return what fills templates; its filters make names safe in comments, in CSV cells and in Python."""
-    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
+    environment = jinja2.Environment(
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+        loader=jinja2.FileSystemLoader(TEMPLATES),  # for what templates extend
+    )
     environment.filters["comment"] = _without_quotes
     environment.filters["cell"] = _cell
     environment.filters["literal"] = ascii

@@ -30,7 +30,8 @@ class Format:
         table_file: where the file goes that holds the table and the gait.
         table: template of that file.
         play: template of the README's section on how to play it.
-        copies: further files: where each goes, and the file that it is a copy of.
+        copies: further files: where each goes, and the file that it is a copy of, or its template, which ends
+            in ``.jinja``.
         drives_pins: whether it sends the pulses itself, so that every servo needs a pin.
         board: the board that the servos' pins and the LED belong to.
         others: boards that ``--board`` may name in its place.

@@ -41,7 +41,10 @@ register(
         table_file="gait/table.h",
         table=TEMPLATES / "table.h.jinja",
         play=TEMPLATES / "play_arduino.md.jinja",
-        copies={f"gait/{name}": TEMPLATES / name for name in (*_PLAYER, "gait.ino")},
+        copies={
+            **{f"gait/{name}": TEMPLATES / name for name in _PLAYER},
+            "gait/gait.ino": TEMPLATES / "gait.ino.jinja",
+        },
         drives_pins=True,
         others=ESP32S,
     )
@@ -84,7 +87,7 @@ register(
         play=TEMPLATES / "play_pca9685_arduino.md.jinja",
         copies={
             **{f"gait/{name}": TEMPLATES / name for name in _PLAYER},
-            "gait/gait.ino": TEMPLATES / "gait_pca9685.ino",
+            "gait/gait.ino": TEMPLATES / "gait_pca9685.ino.jinja",
         },
         others=ESP32S,
         output=PCA9685,
@@ -133,7 +136,7 @@ for _name, _output in {
             play=TEMPLATES / "play_bus_arduino.md.jinja",
             copies={
                 **{f"gait/{name}": TEMPLATES / name for name in (*_PLAYER, "bus_packets.h", "bus_packets.c")},
-                "gait/gait.ino": TEMPLATES / "gait_bus.ino",
+                "gait/gait.ino": TEMPLATES / "gait_bus.ino.jinja",
             },
             others=ESP32S,
             output=_output,
