@@ -40,13 +40,13 @@ def export_files(
         from_datasheet: per channel, the values of its calibration that are not set.
     """
     jinja = environment()
-    output, bus = format.output, format.name.removesuffix("-arduino")
+    output = format.output
     known: dict[str, object] = {
         **vars(facts(table)),
         "format": format.name,
         "number": output.number,
-        "baud": PROTOCOLS[bus].BAUD if bus in PROTOCOLS else None,
-        "protocol": f"BUS_{bus.replace('-', '_').upper()}" if bus in PROTOCOLS else None,
+        "protocol": output.protocol,
+        "baud": PROTOCOLS[output.protocol].BAUD if output.protocol else None,
     }
 
     def filled(template: Path, **more: object) -> str:
@@ -70,8 +70,8 @@ def export_files(
 
 def _wiring_notes(format: Format, table: GaitTable) -> list[str]:
     """Return the notes of the board on the pins in use."""
-    on_pins = format.output.key == "pin"
-    return format.board.wiring_of([servo.pin for servo in table.servos.values()]) if on_pins else []
+    pins = [servo.pin for servo in table.servos.values()]
+    return format.board.wiring_of(pins) if format.output.on_pins else []
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import replace
 
 from gaitopt.core.errors import GaitoptError, bad_value
+from gaitopt.export.board import Board
 from gaitopt.export.output import Output
 from gaitopt.gait.calibration import BusServo, Calibration
 from gaitopt.problem.problem import Problem
@@ -66,29 +67,28 @@ def unset(servo: Calibration, output: Output) -> list[str]:
     ]
 
 
-def check_numbers(
-    problem: Problem, output: Output, allowed: Iterable[int], words: str, used: dict[int, str]
-) -> None:
-    """Check that the servos of a wired problem have distinct numbers that are allowed.
+def check_numbers(problem: Problem, output: Output, board: Board, used: Mapping[int, str]) -> None:
+    """Check that the servos of a wired problem have distinct numbers, and pins that the board has.
+
+    The calibration has checked that there are such outputs of a PCA9685 and such IDs of a bus.
 
     Args:
         problem: the problem; see `wired`.
         output: what its servos are sent.
-        allowed: the numbers that there are.
-        words: the same, in words.
-        used: numbers that something else has, and its name; the servos are added.
+        board: the board.
+        used: numbers that something else has, and its name.
 
     Raises:
-        GaitoptError: a number is used twice or not allowed.
+        GaitoptError: a number is used twice, or a pin is not on the board.
     """
-    numbers = set(allowed)
+    holders = dict(used)
     for name, channel in problem.file.channels.items():
         key, number = f"channels.{name}.servo", channel.servo.pin
         if number is None:
             continue
-        if number not in numbers:
-            raise bad_value(problem.source, f"{key}.{output.key}", number, words)
-        if number in used:
-            what = f"not the {output.key.rpartition('.')[2]} of {used[number]}"
+        if output.on_pins and number not in board.pins:
+            raise bad_value(problem.source, f"{key}.{output.key}", number, board.on_board)
+        if number in holders:
+            what = f"not the {output.key.rpartition('.')[2]} of {holders[number]}"
             raise bad_value(problem.source, f"{key}.{output.key}", number, what)
-        used[number] = key
+        holders[number] = key

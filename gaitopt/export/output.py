@@ -44,6 +44,7 @@ class Output:
         wiring: template of the README's notes on wiring.
         first: number of the first servo where the file numbers none; None where it has to.
         longest_frame_us: longest frame that it can make.
+        protocol: the bus's, one of `bus_packets.PROTOCOLS`; empty for pulses.
         steps: positions of its servos; None for pulses.
     """
 
@@ -54,12 +55,18 @@ class Output:
     wiring: Path
     first: int | None = None
     longest_frame_us: int = 2**32 - 1
+    protocol: str = ""
     steps: Steps | None = None
 
     @property
     def unit(self) -> Unit:
         """The unit of what is sent."""
         return "us" if self.steps is None else "steps"
+
+    @property
+    def on_pins(self) -> bool:
+        """Whether the servos are on pins of the board itself."""
+        return self.key == "pin"
 
 
 LEDC = Output(
@@ -83,7 +90,7 @@ PCA9685 = Output(
 """Pulses of a PCA9685, 4.88 µs a step at 50 Hz."""
 
 
-def _bus(steps: Steps) -> Output:
+def _bus(protocol: str, steps: Steps) -> Output:
     return Output(
         number="ID",
         key="bus.id",
@@ -91,15 +98,16 @@ def _bus(steps: Steps) -> Output:
         rounded=lambda position, _: float(position),
         wiring=TEMPLATES / "wiring_bus.md.jinja",
         first=1,
+        protocol=protocol,
         steps=steps,
     )
 
 
-FEETECH_STS = _bus(Steps(4096 / 360, 2048, 4095))
+FEETECH_STS = _bus("feetech-sts", Steps(4096 / 360, 2048, 4095))
 """Feetech STS3215 and its like: 4096 steps a turn, of which 2048 is the middle (its datasheet, 0.088°)."""
 
-FEETECH_SCS = _bus(Steps(1023 / 300, 511, 1023))
+FEETECH_SCS = _bus("feetech-scs", Steps(1023 / 300, 511, 1023))
 """Feetech SCS0009 and its like: positions 0 to 1023 over 300° (SCS0009 datasheet). Others turn less far."""
 
-DYNAMIXEL = _bus(Steps(4096 / 360, 2048, 4095))
+DYNAMIXEL = _bus("dynamixel", Steps(4096 / 360, 2048, 4095))
 """Dynamixel X series: 4096 steps a turn, 2048 is the middle (e-Manual, XL430-W250, Goal Position(116))."""

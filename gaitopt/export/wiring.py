@@ -5,14 +5,7 @@ from __future__ import annotations
 from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.export.format import Format
 from gaitopt.export.numbering import check_numbers
-from gaitopt.export.output import PCA9685
 from gaitopt.problem.problem import Problem
-
-_OUTPUTS = 16
-"""Outputs of a PCA9685."""
-
-_IDS = 253
-"""Servos of a bus have IDs below this; see `calibration.BusServo`."""
 
 
 def check_wiring(problem: Problem, format: Format, led_pin: int | None) -> None:
@@ -35,13 +28,8 @@ def check_wiring(problem: Problem, format: Format, led_pin: int | None) -> None:
         if channel.servo.pin is None and format.drives_pins:
             key = f"channels.{name}.servo.{output.key}"
             raise GaitoptError(f"{problem.source}: {key}: missing; this format drives the pins itself")
-    if output.key == "pin":
-        used = {} if led_pin is None else {led_pin: "--led-pin"}
-        check_numbers(problem, output, format.board.pins, format.board.on_board, used)
-    elif output is PCA9685:
-        check_numbers(problem, output, range(_OUTPUTS), f"0 to {_OUTPUTS - 1}, the outputs of a PCA9685", {})
-    else:
-        check_numbers(problem, output, range(_IDS), f"0 to {_IDS - 1}", {})
+    used = {led_pin: "--led-pin"} if output.on_pins and led_pin is not None else {}
+    check_numbers(problem, output, format.board, used)
 
 
 def _check_led(format: Format, led_pin: int | None) -> None:
@@ -59,7 +47,7 @@ def _check_count(problem: Problem, format: Format) -> None:
     if count > most:
         where = f"format {format.name} on the {format.board.name}" if format.drives_pins else format.name
         raise GaitoptError(
-            f"found {count} servos; allowed: at most {most} with {where}; a PCA9685 has {_OUTPUTS} outputs "
+            f"found {count} servos; allowed: at most {most} with {where}; a PCA9685 has 16 outputs "
             "(--format pca9685-arduino or pca9685-micropython)"
         )
 
@@ -83,7 +71,7 @@ def _check_pulses(problem: Problem, format: Format, name: str) -> None:
 def pin_warnings(problem: Problem, format: Format, led_pin: int | None) -> list[str]:
     """Return the warnings about the pins in use, one sentence each."""
     pins: dict[str, int | None] = {"LED": None if led_pin == _ON_BOARD_LED else led_pin}
-    if format.output.key == "pin":
+    if format.output.on_pins:
         pins = {name: channel.servo.pin for name, channel in problem.file.channels.items()} | pins
     return [f"{name}: {note}" for name, pin in pins.items() for note in format.board.warnings_of(pin)]
 

@@ -73,6 +73,21 @@ def test_a_format_of_ones_own_is_one_record_and_one_registration(
     assert capsys.readouterr().out == read_back
 
 
+def test_a_format_of_ones_own_may_send_to_a_bus(tmp_path: Path) -> None:
+    problem = wired_as(tmp_path / "bot", rear={"bus": {"id": 7}}, front={"bus": {"id": 3}})
+    for name, table, line in (
+        ("feetech-sts", "gait_table.py", 'PROTOCOL = "feetech-sts"\n'),
+        ("feetech-sts-arduino", "gait/table.h", "#define GAIT_BUS BUS_FEETECH_STS "),
+    ):
+        own = register(replace(FORMATS[name], name="mine"))
+        try:
+            made = prepare(problem, problem.baselines["stride"], Choices("mine"), SerialExecutor())
+        finally:
+            del FORMATS[own.name]
+        assert line in made.files[table]
+        assert "(1000000 as delivered)" in made.files["README.md"]
+
+
 def test_the_help_names_every_format(toy: Format, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export", "--help"]) == 0
     said = capsys.readouterr().out
