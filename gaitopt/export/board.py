@@ -27,6 +27,7 @@ class Board:
         name: the board or the family; in lower case what ``--board`` calls it.
         pins: the GPIO numbers that it has and that can send pulses.
         timers: pulses that it can make at once.
+        led: GPIO of the LED that most of its boards have; nothing warns of this LED there.
         warnings: pins that a servo or the LED should not be on.
         wiring: the README's notes on pins that a servo may be on.
     """
@@ -36,6 +37,7 @@ class Board:
     warnings: tuple[PinNote, ...] = ()
     wiring: tuple[PinNote, ...] = ()
     timers: int = 16
+    led: int | None = None
 
     @property
     def on_board(self) -> str:
@@ -75,6 +77,7 @@ ESP32 = Board(
             "If the board does not boot, unplug that signal wire during reset.",
         ),
     ),
+    led=2,
 )
 """A classic ESP32 on a module WROOM-32, which most students have. Its LEDC has 16 channels."""
 

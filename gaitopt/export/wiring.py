@@ -70,11 +70,7 @@ def _check_pulses(problem: Problem, format: Format, name: str) -> None:
 
 def pin_warnings(problem: Problem, format: Format, led_pin: int | None) -> list[str]:
     """Return the warnings about the pins in use, one sentence each."""
-    pins: dict[str, int | None] = {"LED": None if led_pin == _ON_BOARD_LED else led_pin}
+    pins: dict[str, int | None] = {"LED": None if led_pin == format.board.led else led_pin}
     if format.output.on_pins:
         pins = {name: channel.servo.pin for name, channel in problem.file.channels.items()} | pins
     return [f"{name}: {note}" for name, pin in pins.items() for note in format.board.warnings_of(pin)]
-
-
-_ON_BOARD_LED = 2
-"""GPIO of the blue LED of most boards with an ESP32, which an LED may well be on."""

@@ -155,6 +155,19 @@ def test_a_board_has_its_own_pins(tmp_path: Path) -> None:
     assert "unknown board 'esp32-s2'; known: esp32, esp32-s3, esp32-c3 (nearest: 'esp32-s3')" in said
 
 
+@pytest.mark.parametrize(
+    ("board", "warnings"),
+    [("esp32", []), ("esp32-c3", ["LED: GPIO2 of an ESP32-C3 decides at reset how it boots"])],
+)
+def test_an_led_on_a_pin_of_booting_is_warned_of_unless_boards_have_theirs_there(
+    tmp_path: Path, board: str, warnings: list[str]
+) -> None:
+    problem = wired_as(tmp_path / "bot", rear={"pin": 4}, front={"pin": 3})
+    choices = Choices("micropython", led_pin=2, board=board)
+    made = prepare(problem, problem.baselines["stride"], choices, SerialExecutor())
+    assert [warning for warning in made.warnings if "LED" in warning] == warnings
+
+
 @pytest.mark.parametrize(("board", "most"), [(ESP32, 16), (ESP32_S3, 8), (ESP32_C3, 6)])
 def test_no_board_makes_more_pulses_than_it_has_channels(board: Board, most: int) -> None:
     assert board.timers == most
