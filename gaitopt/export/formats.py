@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from gaitopt.core.errors import GaitoptError
 from gaitopt.export.board import ANY_ESP32
 from gaitopt.export.format import ESP32S, HERE, TEMPLATES, Format
-from gaitopt.export.output import DYNAMIXEL, FEETECH_SCS, FEETECH_STS, PCA9685
+from gaitopt.export.output import DYNAMIXEL, FEETECH_SCS, FEETECH_STS, LEDC, PCA9685, Output
 
 _PLAYER = ("gait_player.h", "gait_player.c")
 
@@ -25,6 +27,63 @@ def register(format: Format) -> Format:
     return format
 
 
+def _arduino(name: str, sketch: str, play: str, output: Output = LEDC, more: Sequence[str] = ()) -> Format:
+    """Return a format of a sketch, in a folder of the sketch's name as the Arduino IDE wants it.
+
+    Args:
+        name: what the command line calls it.
+        sketch, play: templates of the sketch and of how to play it.
+        output: what the servos are sent.
+        more: sources that it needs beside the player's.
+    """
+    return Format(
+        name=name,
+        table_file="gait/table.h",
+        table=TEMPLATES / "table.h.jinja",
+        play=TEMPLATES / play,
+        copies={
+            **{f"gait/{source}": TEMPLATES / source for source in (*_PLAYER, *more)},
+            "gait/gait.ino": TEMPLATES / sketch,
+        },
+        drives_pins=output is LEDC,
+        others=ESP32S,
+        output=output,
+    )
+
+
+def _micropython(
+    name: str,
+    servos: str,
+    play: str,
+    output: Output = LEDC,
+    more: Sequence[str] = (),
+    table: str = "gait_table.py.jinja",
+) -> Format:
+    """Return a format for MicroPython.
+
+    Args:
+        name: what the command line calls it.
+        servos: source of ``gait_servos.py``, which sends.
+        play: template of how to play it.
+        output: what the servos are sent.
+        more: modules of this package that it needs beside the player.
+        table: template of the table.
+    """
+    return Format(
+        name=name,
+        table_file="gait_table.py",
+        table=TEMPLATES / table,
+        play=TEMPLATES / play,
+        copies={
+            **{module: HERE / module for module in ("gait_player.py", *more)},
+            "gait_servos.py": TEMPLATES / servos,
+        },
+        drives_pins=output is LEDC,
+        others=ESP32S,
+        output=output,
+    )
+
+
 register(
     Format(
         name="c",
@@ -35,20 +94,7 @@ register(
         board=ANY_ESP32,
     )
 )
-register(
-    Format(
-        name="arduino",
-        table_file="gait/table.h",
-        table=TEMPLATES / "table.h.jinja",
-        play=TEMPLATES / "play_arduino.md.jinja",
-        copies={
-            **{f"gait/{name}": TEMPLATES / name for name in _PLAYER},
-            "gait/gait.ino": TEMPLATES / "gait.ino.jinja",
-        },
-        drives_pins=True,
-        others=ESP32S,
-    )
-)
+register(_arduino("arduino", "gait.ino.jinja", "play_arduino.md.jinja"))
 register(
     Format(
         name="esp-idf",
@@ -63,82 +109,36 @@ register(
         others=ESP32S,
     )
 )
-register(
-    Format(
-        name="micropython",
-        table_file="gait_table.py",
-        table=TEMPLATES / "gait_table.py.jinja",
-        play=TEMPLATES / "play_micropython.md.jinja",
-        copies={
-            "gait_player.py": HERE / "gait_player.py",
-            "gait_servos.py": TEMPLATES / "gait_servos.py.txt",
-        },
-        drives_pins=True,
-        others=ESP32S,
-    )
-)
+register(_micropython("micropython", "gait_servos.py.txt", "play_micropython.md.jinja"))
 register(Format(name="csv", table_file="table.csv", table=TEMPLATES / "table.csv.jinja", board=ANY_ESP32))
 register(Format(name="json", table_file="table.json", table=TEMPLATES / "table.json.jinja", board=ANY_ESP32))
+register(_arduino("pca9685-arduino", "gait_pca9685.ino.jinja", "play_pca9685_arduino.md.jinja", PCA9685))
 register(
-    Format(
-        name="pca9685-arduino",
-        table_file="gait/table.h",
-        table=TEMPLATES / "table.h.jinja",
-        play=TEMPLATES / "play_pca9685_arduino.md.jinja",
-        copies={
-            **{f"gait/{name}": TEMPLATES / name for name in _PLAYER},
-            "gait/gait.ino": TEMPLATES / "gait_pca9685.ino.jinja",
-        },
-        others=ESP32S,
-        output=PCA9685,
+    _micropython(
+        "pca9685-micropython",
+        "gait_pca9685.py.txt",
+        "play_pca9685_micropython.md.jinja",
+        PCA9685,
+        ["pca9685.py"],
     )
 )
-register(
-    Format(
-        name="pca9685-micropython",
-        table_file="gait_table.py",
-        table=TEMPLATES / "gait_table.py.jinja",
-        play=TEMPLATES / "play_pca9685_micropython.md.jinja",
-        copies={
-            "gait_player.py": HERE / "gait_player.py",
-            "pca9685.py": HERE / "pca9685.py",
-            "gait_servos.py": TEMPLATES / "gait_pca9685.py.txt",
-        },
-        others=ESP32S,
-        output=PCA9685,
-    )
-)
-for _name, _output in {
-    "feetech-sts": FEETECH_STS,
-    "feetech-scs": FEETECH_SCS,
-    "dynamixel": DYNAMIXEL,
-}.items():
+for _bus in (FEETECH_STS, FEETECH_SCS, DYNAMIXEL):
     register(
-        Format(
-            name=_name,
-            table_file="gait_table.py",
-            table=TEMPLATES / "bus_table.py.jinja",
-            play=TEMPLATES / "play_bus.md.jinja",
-            copies={
-                "gait_player.py": HERE / "gait_player.py",
-                "bus_packets.py": HERE / "bus_packets.py",
-                "gait_servos.py": TEMPLATES / "gait_bus.py.txt",
-            },
-            others=ESP32S,
-            output=_output,
+        _micropython(
+            _bus.protocol,
+            "gait_bus.py.txt",
+            "play_bus.md.jinja",
+            _bus,
+            ["bus_packets.py"],
+            "bus_table.py.jinja",
         )
     )
     register(
-        Format(
-            name=f"{_name}-arduino",
-            table_file="gait/table.h",
-            table=TEMPLATES / "table.h.jinja",
-            play=TEMPLATES / "play_bus_arduino.md.jinja",
-            copies={
-                **{f"gait/{name}": TEMPLATES / name for name in (*_PLAYER, "bus_packets.h", "bus_packets.c")},
-                "gait/gait.ino": TEMPLATES / "gait_bus.ino.jinja",
-            },
-            others=ESP32S,
-            output=_output,
+        _arduino(
+            f"{_bus.protocol}-arduino",
+            "gait_bus.ino.jinja",
+            "play_bus_arduino.md.jinja",
+            _bus,
+            ["bus_packets.h", "bus_packets.c"],
         )
     )
