@@ -4,6 +4,7 @@ import random
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -90,19 +91,71 @@ def script() -> Script:
     return steps
 
 
-def files_of(name: str) -> dict[str, str]:
-    """Return the files of a format, as if the replay had shown no loss."""
-    return export_files(
-        FORMATS[name], table(), Replay(1.0, 1.0, 0.0, (0.0, 0.0), {}), [], {key: [] for key in table().servos}
-    )
+def files_of(name: str, made: GaitTable | None = None) -> dict[str, str]:
+    """Return the files of a format for a table, by default `table`, as if the replay had shown no loss."""
+    made = made or table()
+    unset: dict[str, list[str]] = {servo: [] for servo in made.servos}
+    return export_files(FORMATS[name], made, Replay(1.0, 1.0, 0.0, (0.0, 0.0), {}), [], unset)
 
 
-def exported(folder: Path, name: str) -> Path:
-    """Write the files of a format."""
-    for path, text in files_of(name).items():
+def exported(folder: Path, name: str, made: GaitTable | None = None) -> Path:
+    """Write the files of a format for a table, by default `table`."""
+    for path, text in files_of(name, made).items():
         (folder / path).parent.mkdir(exist_ok=True)
         (folder / path).write_text(text)
     return folder
+
+
+def sketch_prints(folder: Path, mock: str, core: int = 3) -> list[str]:
+    """What an exported Arduino sketch prints that the main.cpp of a mock runs, compiled for a core."""
+    compiler, c_compiler, mocks = tool("g++"), tool("gcc"), HERE / "mocks"
+    for source in folder.glob("*.c"):
+        run(c_compiler, *STRICT, "-c", source.name, cwd=folder)
+    run(
+        compiler, "-std=c++17", "-Wall", "-Wextra", "-Werror", f"-DESP_ARDUINO_VERSION_MAJOR={core}",
+        f"-I{mocks / 'arduino'}", f"-I{mocks / mock}", f"-I{folder}", mocks / mock / "main.cpp",
+        *folder.glob("*.o"), "-o", "sketch", cwd=folder,
+    )  # fmt: skip
+    return run(folder / "sketch").splitlines()
+
+
+def mock_commands(player: gait_player.Player) -> Iterator[tuple[int, bool]]:
+    """Give a player the commands of the mocks' `mock_at`; yield each ms, and whether a frame began."""
+    for ms in range(3501):
+        now = (4_294_000_000 + 1000 * ms) % 2**32
+        if ms == 0:
+            player.start(now)
+        elif ms == 2000:
+            player.stop()
+        elif ms == 3400:
+            player.release()
+        yield ms, player.tick(now)
+
+
+MICROPYTHON_CLOCK = """
+class Clock:
+    now = (1 << 30) - 500000
+
+    def ticks_us(self):
+        self.now += 100
+        return self.now % (1 << 30)
+
+    def ticks_diff(self, one, other):
+        return (one - other + (1 << 29)) % (1 << 30) - (1 << 29)
+
+    def sleep_ms(self, ms):
+        self.now += 1000 * ms
+"""
+"""The module `time` of a board whose clock wraps at 2^30 as the ESP32's does."""
+
+
+def micropython_prints(folder: Path, main: str, files: Sequence[Path]) -> list[str]:
+    """What a program prints in MicroPython that may import some files; skip the test without MicroPython."""
+    node = tool("node")
+    if not MICROPYTHON.is_dir():
+        pytest.skip(f"MicroPython as WebAssembly is not installed: npm install --prefix {HERE}")
+    (folder / "main.py").write_text(main)
+    return run(node, HERE / "micropython.mjs", folder / "main.py", *files).splitlines()
 
 
 def with_script(folder: Path) -> Path:

@@ -17,7 +17,7 @@ import pytest
 import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
-from players import HERE, MICROPYTHON, run, tool
+from players import MICROPYTHON_CLOCK, micropython_prints
 
 from gaitopt.diagnose.judge.command_experiment import CommandExperiment
 from gaitopt.diagnose.judge.command_score import Separation
@@ -186,13 +186,8 @@ def test_a_board_needs_pins_and_pulses(modules: ModuleType) -> None:
 
 def on_the_board(folder: Path, last: str) -> list[str]:
     """What MicroPython prints that plays on a board of 2 pins whose clock wraps at 2^30."""
-    node = tool("node")
-    if not MICROPYTHON.is_dir():
-        pytest.skip(f"MicroPython as WebAssembly is not installed: npm install --prefix {HERE}")
-    main = folder / "main.py"
-    main.write_text(BOARD + last)
     files = [folder / f"{name}.py" for name in ("command_table", "command_player", "play_commands")]
-    return run(node, HERE / "micropython.mjs", main, *files).splitlines()
+    return micropython_prints(folder, BOARD + last, files)
 
 
 def test_micropython_plays_the_same_and_holds_the_last_row(wired: Problem) -> None:
@@ -228,7 +223,8 @@ except KeyboardInterrupt:
     print("stopped")
 """
 
-BOARD = """
+BOARD = f"""{MICROPYTHON_CLOCK}
+
 import sys
 
 
@@ -251,20 +247,6 @@ class PWM:
 
     def deinit(self):
         print(self.pin, 0)
-
-
-class Clock:
-    now = (1 << 30) - 500000
-
-    def ticks_us(self):
-        self.now += 100
-        return self.now % (1 << 30)
-
-    def ticks_diff(self, one, other):
-        return (one - other + (1 << 29)) % (1 << 30) - (1 << 29)
-
-    def sleep_ms(self, ms):
-        self.now += 1000 * ms
 
 
 machine = Module()

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from players import HERE, STRICT, run, tool
+from players import mock_commands, sketch_prints
 from servo_boards import exported, on_the_board, table_for
 
 from gaitopt.export.gait_player import STAGGER_US, Player
@@ -47,15 +47,7 @@ def steps_of(player: Player) -> list[int]:
 def pca9685_changes() -> Iterator[str]:
     """What the Python player gives for the commands of the mock's main.cpp, a line for each change."""
     player, last = player_of(table_for("pca9685-arduino")), [0, 0, 0]
-    for ms in range(3501):
-        now = (4_294_000_000 + 1000 * ms) % 2**32
-        if ms == 0:
-            player.start(now)
-        elif ms == 2000:
-            player.stop()
-        elif ms == 3400:
-            player.release()
-        player.tick(now)
+    for ms, _ in mock_commands(player):
         for output, (before, steps) in enumerate(zip(last, steps_of(player), strict=True)):
             if steps != before:
                 yield f"{ms} ms: {output} {steps}"
@@ -64,15 +56,7 @@ def pca9685_changes() -> Iterator[str]:
 
 @pytest.mark.parametrize("core", [2, 3])
 def test_the_arduino_sketch_plays_on_a_pca9685(tmp_path: Path, core: int) -> None:
-    compiler, c_compiler = tool("g++"), tool("gcc")
-    folder = exported(tmp_path, "pca9685-arduino") / "gait"
-    run(c_compiler, *STRICT, "-c", "gait_player.c", cwd=folder)
-    run(
-        compiler, "-std=c++17", "-Wall", "-Wextra", "-Werror", f"-DESP_ARDUINO_VERSION_MAJOR={core}",
-        f"-I{HERE / 'mocks' / 'arduino'}", f"-I{HERE / 'mocks' / 'pca9685'}", f"-I{folder}",
-        HERE / "mocks" / "pca9685" / "main.cpp", "gait_player.o", "-o", "sketch", cwd=folder,
-    )  # fmt: skip
-    printed = run(folder / "sketch").splitlines()
+    printed = sketch_prints(exported(tmp_path, "pca9685-arduino") / "gait", "pca9685", core)
     assert printed[0] == "122 clocks a step, 400000 Hz"
     assert printed[1:] == list(pca9685_changes())
 

@@ -7,7 +7,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from players import HERE, SANITIZED, STRICT, exported, run, table, tool
+from players import (
+    HERE,
+    SANITIZED,
+    STRICT,
+    exported,
+    mock_commands,
+    run,
+    sketch_prints,
+    table,
+    tool,
+)
 
 from gaitopt.export import gait_player
 from gaitopt.export.stages import player_of, sent_pulses
@@ -15,15 +25,7 @@ from gaitopt.export.stages import player_of, sent_pulses
 
 @pytest.mark.parametrize("core", [2, 3])
 def test_the_arduino_sketch_plays_on_both_cores(tmp_path: Path, core: int) -> None:
-    compiler, c_compiler = tool("g++"), tool("gcc")
-    folder = exported(tmp_path, "arduino") / "gait"
-    run(c_compiler, *STRICT, "-c", "gait_player.c", cwd=folder)
-    run(
-        compiler, "-std=c++17", "-Wall", "-Wextra", "-Werror", f"-DESP_ARDUINO_VERSION_MAJOR={core}",
-        f"-I{HERE / 'mocks' / 'arduino'}", f"-I{folder}", HERE / "mocks" / "arduino" / "main.cpp",
-        "gait_player.o", "-o", "sketch", cwd=folder,
-    )  # fmt: skip
-    printed = run(folder / "sketch").splitlines()
+    printed = sketch_prints(exported(tmp_path, "arduino") / "gait", "arduino", core)
     assert printed[0] == "50 Hz, 14 bits"
     assert printed[1:] == changes(arduino_duties())
 
@@ -33,15 +35,8 @@ def arduino_duties() -> Iterator[tuple[int, dict[int, int]]]:
     player = player_of(table())
     pins = [servo[0] for servo in player.servos]
     held: dict[int, int] = {}
-    for ms in range(3501):
-        now = (4_294_000_000 + 1000 * ms) % 2**32
-        if ms == 0:
-            player.start(now)
-        elif ms == 2000:
-            player.stop()
-        elif ms == 3400:
-            player.release()
-        if player.tick(now):
+    for ms, ticked in mock_commands(player):
+        if ticked:
             duties = [gait_player.duty(pulse, 20_000) for pulse in player.pulse_us]
             held = dict(zip(pins, duties, strict=True)) | {2: 100_000 * player.led()}
         yield ms, held

@@ -11,13 +11,14 @@ import pytest
 from players import (
     HERE,
     MALFORMED,
-    MICROPYTHON,
+    MICROPYTHON_CLOCK,
     RV32,
     RV32_BOARD,
     SANITIZED,
     STRICT,
     expected,
     exported,
+    micropython_prints,
     run,
     table,
     tool,
@@ -85,12 +86,8 @@ def test_rv32imc_takes_less_than_2_kb_with_the_table(c_folder: Path) -> None:
 
 
 def test_micropython_equals_c_and_python_tick_for_tick(tmp_path: Path) -> None:
-    node = tool("node")
-    if not MICROPYTHON.is_dir():
-        pytest.skip(f"MicroPython as WebAssembly is not installed: npm install --prefix {HERE}")
     folder = with_script(exported(tmp_path, "micropython"))
-    main = folder / "main.py"
-    main.write_text(
+    main = (
         "import gait_table as t\n"
         "from gait_player import Player\n"
         "from play_script import lines\n"
@@ -100,19 +97,15 @@ def test_micropython_equals_c_and_python_tick_for_tick(tmp_path: Path) -> None:
         "    print(line)\n"
     )
     files = [folder / name for name in ("gait_table.py", "gait_player.py", "script.py")]
-    assert run(node, HERE / "micropython.mjs", main, *files, HERE / "play_script.py") == expected()
+    printed = micropython_prints(folder, main, [*files, HERE / "play_script.py"])
+    assert printed == expected().splitlines()
 
 
 def test_the_micropython_driver_walks_stops_and_lets_go(tmp_path: Path) -> None:
     """In MicroPython, on a board of 3 pins whose clock wraps at 2^30 as the ESP32's does."""
-    node = tool("node")
-    if not MICROPYTHON.is_dir():
-        pytest.skip(f"MicroPython as WebAssembly is not installed: npm install --prefix {HERE}")
     folder = exported(tmp_path, "micropython")
-    main = folder / "main.py"
-    main.write_text(MICROPYTHON_BOARD)
     files = [folder / f"{name}.py" for name in ("gait_table", "gait_player", "gait_servos")]
-    printed = run(node, HERE / "micropython.mjs", main, *files).splitlines()
+    printed = micropython_prints(folder, MICROPYTHON_BOARD, files)
     frames = [line.split() for line in printed if line.startswith("13 ")]
     assert "50 Hz on 12, 13, 14" in printed
     widths = [int(width) for _, width in frames]
@@ -126,7 +119,8 @@ def test_the_micropython_driver_walks_stops_and_lets_go(tmp_path: Path) -> None:
     assert printed.count("led 1") == 100
 
 
-MICROPYTHON_BOARD = """
+MICROPYTHON_BOARD = f"""{MICROPYTHON_CLOCK}
+
 import sys
 
 
@@ -162,20 +156,6 @@ class PWM:
         print(self.pin, 0)
 
 
-class Clock:
-    now = (1 << 30) - 500000
-
-    def ticks_us(self):
-        self.now += 100
-        return self.now % (1 << 30)
-
-    def ticks_diff(self, one, other):
-        return (one - other + (1 << 29)) % (1 << 30) - (1 << 29)
-
-    def sleep_ms(self, ms):
-        self.now += 1000 * ms
-
-
 machine = Module()
 machine.Pin, machine.PWM = Pin, PWM
 sys.modules["machine"], sys.modules["time"] = machine, Clock()
@@ -186,13 +166,9 @@ gait_servos.run(2)
 
 
 def test_a_table_that_cannot_be_played_is_refused_in_micropython(tmp_path: Path) -> None:
-    node = tool("node")
-    if not MICROPYTHON.is_dir():
-        pytest.skip(f"MicroPython as WebAssembly is not installed: npm install --prefix {HERE}")
     folder = exported(tmp_path, "micropython")
-    main = folder / "main.py"
     tables = ", ".join(re.sub(r"\b(nan|inf)\b", r"float('\1')", repr(made)) for made, _ in MALFORMED)
-    main.write_text(
+    main = (
         "from gait_player import Player\n"
         f"for made in ({tables}):\n"
         "    try:\n"
@@ -200,5 +176,5 @@ def test_a_table_that_cannot_be_played_is_refused_in_micropython(tmp_path: Path)
         "    except ValueError as error:\n"
         "        print(error)\n"
     )
-    printed = run(node, HERE / "micropython.mjs", main, folder / "gait_player.py").splitlines()
+    printed = micropython_prints(folder, main, [folder / "gait_player.py"])
     assert printed == [said for _, said in MALFORMED]

@@ -14,7 +14,7 @@ from types import ModuleType
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from players import HERE, STRICT, TEMPLATES, run, tool
+from players import STRICT, TEMPLATES, mock_commands, run, sketch_prints, tool
 from servo_boards import exported, on_the_board, table_for
 
 from gaitopt.export.bus_packets import PROTOCOLS, Dynamixel, Feetech, crc16
@@ -199,30 +199,14 @@ def test_c_sends_the_packets_of_python(
 
 @pytest.mark.parametrize("name", BUSES)
 def test_the_arduino_sketch_plays_on_a_simulated_bus(tmp_path: Path, name: str) -> None:
-    folder = exported(tmp_path, f"{name}-arduino") / "gait"
-    for source in ("gait_player", "bus_packets"):
-        run(tool("gcc"), *STRICT, "-c", f"{source}.c", cwd=folder)
-    run(
-        tool("g++"), "-std=c++17", "-Wall", "-Wextra", "-Werror", "-DESP_ARDUINO_VERSION_MAJOR=3",
-        f"-I{HERE / 'mocks' / 'arduino'}", f"-I{folder}", HERE / "mocks" / "bus" / "main.cpp",
-        "gait_player.o", "bus_packets.o", "-o", "sketch", cwd=folder,
-    )  # fmt: skip
-    first, *lines = run(folder / "sketch").splitlines()
+    first, *lines = sketch_prints(exported(tmp_path, f"{name}-arduino") / "gait", "bus")
     assert first == f"{PROTOCOLS[name].BAUD} baud, 1, RX 16, TX 17"
     packets: dict[int, list[bytes]] = {}
     for line in lines:
         ms, _, numbers = line.partition(":")
         packets.setdefault(int(ms), []).append(bytes(map(int, numbers.split())))
     bus, player = SimulatedBus(name, [1, 2, 3]), player_of(table_for(f"{name}-arduino"))
-    for ms in range(3501):
-        now = (4_294_000_000 + 1000 * ms) % 2**32
-        if ms == 0:
-            player.start(now)
-        elif ms == 2000:
-            player.stop()
-        elif ms == 3400:
-            player.release()
-        player.tick(now)
+    for ms, _ in mock_commands(player):
         for packet in packets.get(ms, []):
             bus.write(packet)
         assert [bus.position(id) if bus.torque(id) else 0 for id in (1, 2, 3)] == player.pulse_us

@@ -13,6 +13,15 @@ inline int mock_hertz = 0, mock_bits = 0;
 inline uint32_t mock_duty[64] = {};
 inline uint8_t mock_level[64] = {};
 
+/* Three and a half seconds across the clock's wrap: g to go, s after two seconds, r near the end. */
+inline void mock_at(uint32_t ms)
+{
+    mock_micros = 4294000000u + 1000 * ms;
+    if (ms == 0 || ms == 2000 || ms == 3400) {
+        mock_typed = ms == 0 ? "g" : ms == 2000 ? "s" : "r";
+    }
+}
+
 inline unsigned long micros() { return mock_micros; }
 inline void pinMode(uint8_t, uint8_t) {}
 inline void digitalWrite(uint8_t pin, uint8_t level) { mock_level[pin] = level; }

@@ -1,4 +1,4 @@
-/* Runs the sketch for three seconds: g, s after two, r at the end; prints every change. */
+/* Runs the sketch at the commands of mock_at; prints every change. */
 #include "Arduino.h"
 
 void setup();
@@ -12,10 +12,7 @@ int main()
     setup();
     std::printf("%d Hz, %d bits\n", mock_hertz, mock_bits);
     for (uint32_t ms = 0; ms <= 3500; ms++) {
-        mock_micros = 4294000000u + 1000 * ms;
-        if (ms == 0 || ms == 2000 || ms == 3400) {
-            mock_typed = ms == 0 ? "g" : ms == 2000 ? "s" : "r";
-        }
+        mock_at(ms);
         loop();
         for (int pin = 0; pin < 64; pin++) {
             const uint32_t now = mock_duty[pin] + 100000u * mock_level[pin];

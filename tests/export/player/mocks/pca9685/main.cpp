@@ -1,4 +1,4 @@
-/* Runs the sketch for three and a half seconds: g, s after two, r at the end; prints every change of an output. */
+/* Runs the sketch at the commands of mock_at; prints every change of an output. */
 #include "Arduino.h"
 
 inline void delay(unsigned long) {}
@@ -15,10 +15,7 @@ int main()
     setup();
     std::printf("%d clocks a step, %lu Hz\n", mock_pca9685.registers[0xFE] + 1, Wire.hertz);
     for (uint32_t ms = 0; ms <= 3500; ms++) {
-        mock_micros = 4294000000u + 1000 * ms;
-        if (ms == 0 || ms == 2000 || ms == 3400) {
-            mock_typed = ms == 0 ? "g" : ms == 2000 ? "s" : "r";
-        }
+        mock_at(ms);
         loop();
         for (int output = 0; output < 16; output++) {
             const unsigned now = mock_pca9685.steps(output);
