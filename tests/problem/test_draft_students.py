@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import mujoco
+import numpy as np
 import pytest
 
 from gaitopt.cli import app as cli
 from gaitopt.core.errors import GaitoptError
 from gaitopt.problem.draft import Draft, make_problem
+from gaitopt.problem.drafting.heading import forward_axis, up_axis
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.robot import Robot
 from gaitopt.simulation.metrics import measure
@@ -200,3 +203,17 @@ def test_the_command_says_what_it_rests_on(tmp_path: Path, capsys: pytest.Captur
     printed = capsys.readouterr().out
     for part in ("family: quadruped, as it has 4 limbs", "forward:", "pads: what touches", "names for"):
         assert part in printed
+
+
+def test_a_robot_on_a_rail_goes_along_it_however_its_trunk_is_turned() -> None:
+    trunk = """
+    <body pos="0 0 0.1" euler="0 90 0"><joint name="lift" type="slide" axis="1 0 0"/>
+      <joint name="rail" type="slide" axis="0 0 1"/><geom type="box" size="0.02 0.03 0.05" mass="0.1"/>
+      <body pos="0 0 0.05"><joint name="arm" axis="0 1 0"/><geom type="box" size="0.01 0.01 0.03"/></body>
+    </body>"""
+    model = mujoco.MjModel.from_xml_string(mjcf(FLOOR + trunk, '<position joint="arm" kp="1"/>'))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    axis, why = forward_axis(model, data, [], up_axis(model)[0])
+    np.testing.assert_allclose(axis, [1.0, 0.0, 0.0], atol=1e-6)
+    assert "the one way that the joint 'rail' leaves it" in why

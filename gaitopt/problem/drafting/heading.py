@@ -44,7 +44,8 @@ def forward_axis(
     axes = [axis for axis in np.eye(3) if abs(axis @ up) < 0.5]
     slides = _slides(model, data, up)
     if len(slides) == 1:
-        axis, why = slides[0], f"the one way that the joint {_slide_name(model, up)!r} leaves it"
+        name, axis = slides[0]
+        why = f"the one way that the joint {name!r} leaves it"
     else:
         axis, why = _by_shape(model, data, pads, axes)
     sign, word = _sign(model, data, axis)
@@ -92,24 +93,14 @@ def _mirrors(places: Array, sizes: Array, across: Array) -> bool:
     return True
 
 
-def _slides(model: mujoco.MjModel, data: mujoco.MjData, up: Array) -> list[Array]:
-    """Return the level axes of the slides by which the trunk moves in the world."""
+def _slides(model: mujoco.MjModel, data: mujoco.MjData, up: Array) -> list[tuple[str, Array]]:
+    """Return the names and axes of the slides by which the trunk moves in the world, if they are level."""
     found = []
     for joint in _trunk_joints(model):
         axis = np.array(data.xaxis[joint])
         if int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_SLIDE) and abs(axis @ up) < 0.5:
-            found.append(np.round(axis, 6) + 0.0)
+            found.append((str(model.joint(joint).name), np.round(axis, 6) + 0.0))
     return found
-
-
-def _slide_name(model: mujoco.MjModel, up: Array) -> str:
-    joints = [
-        joint
-        for joint in _trunk_joints(model)
-        if int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
-        and abs(model.jnt_axis[joint] @ up) < 0.5
-    ]
-    return str(model.joint(joints[0]).name) if joints else ""
 
 
 def _trunk_joints(model: mujoco.MjModel) -> range:
