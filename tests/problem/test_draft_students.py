@@ -1,5 +1,6 @@
 """Files as students write them: what is wrong is said at once, and the rest is asked of MuJoCo."""
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import mujoco
@@ -10,6 +11,7 @@ from gaitopt.cli import app as cli
 from gaitopt.core.errors import GaitoptError
 from gaitopt.problem.draft import Draft, make_problem
 from gaitopt.problem.drafting.heading import forward_axis, up_axis
+from gaitopt.problem.drafting.names import name_parts
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.robot import Robot
 from gaitopt.simulation.metrics import measure
@@ -217,3 +219,12 @@ def test_a_robot_on_a_rail_goes_along_it_however_its_trunk_is_turned() -> None:
     axis, why = forward_axis(model, data, [], up_axis(model)[0])
     np.testing.assert_allclose(axis, [1.0, 0.0, 0.0], atol=1e-6)
     assert "the one way that the joint 'rail' leaves it" in why
+
+
+def test_an_actuator_gets_no_name_that_another_section_has() -> None:
+    sections = (
+        '<actuator><position joint="hip"/></actuator><actuator><position name="hip" joint="knee"/></actuator>'
+    )
+    root = ET.fromstring(f"<mujoco><worldbody/>{sections}</mujoco>")
+    assert name_parts(root) == ["1 actuator"]
+    assert [element.get("name") for element in root.iter("position")] == ["hip_2", "hip"]

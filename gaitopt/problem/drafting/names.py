@@ -25,11 +25,12 @@ def name_parts(root: ET.Element) -> list[str]:
     names: dict[str, set[str]] = {}
     for element in root.iter():
         names.setdefault(_kind(element.tag), set()).add(element.get("name", ""))
+    actuators = [element for section in root.findall("actuator") for element in section]
+    names["actuator"] = {element.get("name", "") for element in actuators}
     counts: dict[str, int] = {}
 
-    def give(element: ET.Element, name: str) -> None:
-        kind = _kind(element.tag)
-        taken = names.setdefault(kind, set())
+    def give(element: ET.Element, kind: str, name: str) -> None:
+        taken = names[kind]
         number, chosen = 2, name
         while chosen in taken:
             number, chosen = number + 1, f"{name}_{number}"
@@ -40,20 +41,11 @@ def name_parts(root: ET.Element) -> list[str]:
     for world in root.findall("worldbody"):
         for element, owner in _parts(world, ""):
             if not element.get("name") and element.tag in _NAMED:
-                give(element, _called(element, owner))
-    for section in root.findall("actuator"):
-        taken = names.setdefault("actuator", set())
-        taken.update(one.get("name", "") for one in section)
-        for element in section:
-            if not element.get("name"):
-                acted_on = (element.get(key) for key in ("joint", "tendon", "jointinparent", "site", "body"))
-                name = next(filter(None, acted_on), "servo")
-                number, chosen = 2, name
-                while chosen in taken:
-                    number, chosen = number + 1, f"{name}_{number}"
-                taken.add(chosen)
-                element.set("name", chosen)
-                counts["actuator"] = counts.get("actuator", 0) + 1
+                give(element, _kind(element.tag), _called(element, owner))
+    for element in actuators:
+        if not element.get("name"):
+            acted_on = (element.get(key) for key in ("joint", "tendon", "jointinparent", "site", "body"))
+            give(element, "actuator", next(filter(None, acted_on), "servo"))
     plural = {"body": "bodies"}
     return [
         f"{count} {kind if count == 1 else plural.get(kind, f'{kind}s')}" for kind, count in counts.items()
