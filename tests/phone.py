@@ -12,7 +12,6 @@ import av
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 from stages import Stage, Stand, looking
 
 from gaitopt.core.streams import seeded
@@ -142,8 +141,8 @@ def shot(
             stream.codec_context.time_base = Fraction(1, 100_000)
             for at in times:
                 picture = studio.frame(float(at), motion, lambda t: _shaken(looking(stand), shake(t)))
-                noisy = picture + phone.noise * rng.standard_normal(picture.shape)
-                grey = np.clip(np.round(noisy), 0, 255).astype(np.uint8)
+                noise = rng.standard_normal(picture.shape, dtype=np.float32)
+                grey = np.clip(np.round(picture + phone.noise * noise), 0, 255).astype(np.uint8)
                 grey = grey if hidden is None else hidden(float(at), grey)
                 frame = av.VideoFrame.from_ndarray(np.repeat(grey[..., None], 3, axis=2), format="rgb24")
                 frame.pts, frame.time_base = round((at - begin) * 1e5), Fraction(1, 100_000)
@@ -191,30 +190,30 @@ class _Studio:
 
     def frame(
         self, at: float, motion: Callable[[float], Array], camera: Callable[[float], tuple[Array, Array]]
-    ) -> Array:
+    ) -> NDArray[np.float32]:
         """One frame: rows are exposed one after another."""
         phone, height = self._phone, self._phone.size[1]
         half = 0.5 * (phone.readout_s + phone.exposure_s)
         moments = half * (2.0 * np.arange(phone.exposures) + 1.0 - phone.exposures) / phone.exposures
         middles = phone.readout_s * (np.arange(height) / (height - 1) - 0.5)
         width = 2.0 * half / phone.exposures
-        total, weights = np.zeros((height, phone.size[0])), np.zeros(height)
+        total, weights = np.zeros((height, phone.size[0]), np.float32), np.zeros(height, np.float32)
         for moment in moments:
             low = np.maximum(middles - 0.5 * phone.exposure_s, moment - 0.5 * width)
             high = np.minimum(middles + 0.5 * phone.exposure_s, moment + 0.5 * width)
-            weight = np.maximum(high - low, 1e-9)
+            weight = np.maximum(high - low, 1e-9).astype(np.float32)
             picture = self._seen(motion(at + moment), camera(at + moment))
             total += weight[:, None] * picture
             weights += weight
         mean = total / weights[:, None]
-        return gaussian_filter(mean, phone.blur_px) if phone.blur_px > 0.0 else mean
+        return opencv().GaussianBlur(mean, (0, 0), phone.blur_px) if phone.blur_px > 0.0 else mean
 
     def close(self) -> None:
         self._context.make_current()
         self._drawing.free()
         self._context.free()
 
-    def _seen(self, pose: Array, camera: tuple[Array, Array]) -> Array:
+    def _seen(self, pose: Array, camera: tuple[Array, Array]) -> NDArray[np.uint8]:
         self._data.qpos[:] = pose
         for step in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
             step(self._model, self._data)
@@ -231,7 +230,7 @@ class _Studio:
         mujoco.mjr_readPixels(pixels, None, rectangle, self._drawing)
         grey = np.ascontiguousarray(pixels[::-1, :, 1])
         cv2 = opencv()
-        return np.asarray(cv2.remap(grey, *self._map, cv2.INTER_LINEAR), dtype=float)
+        return np.asarray(cv2.remap(grey, *self._map, cv2.INTER_LINEAR))
 
     def _aim(self, camera: tuple[Array, Array]) -> None:
         turn, shift = camera

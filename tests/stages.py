@@ -59,8 +59,9 @@ def stage_of(problem: Problem, sheet: tuple[float, float] = (0.12, -0.14), scale
 
 
 def walk(problem: Problem, gait: str, seconds: float) -> Callable[[float], Array]:
-    """What a problem's robot does with a baseline: MuJoCo's qpos at a time, s."""
-    trajectory = Simulator.build(problem).run(problem.baselines[gait], duration=seconds + 0.1, poses=True)
+    """What a problem's robot does with a gait: MuJoCo's qpos at a time, s."""
+    drive = problem.find_gait(gait)
+    trajectory = Simulator.build(problem).run(drive, duration=seconds + 0.1, poses=True)
     assert trajectory.status == "ok"
     time, poses = trajectory.time, trajectory.poses
     assert poses is not None

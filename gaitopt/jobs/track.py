@@ -6,6 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
 
 from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.core.folders import check_new_or_empty
@@ -13,10 +16,19 @@ from gaitopt.core.progress import OnProgress, silent
 from gaitopt.diagnose.record.defect import Defect
 from gaitopt.diagnose.record.export import ImportOptions, Motion
 from gaitopt.diagnose.record.importing import Imported, Recording, write_recordings
+from gaitopt.gait.gait import Gait
 from gaitopt.jobs.inputs import check_positive
 from gaitopt.problem.problem import Problem
-from gaitopt.problem.tags import TAG_SIZES_MM, Tag, check_tag_number
-from gaitopt.track.tracking import FilmTrack, Tracker, track_film
+from gaitopt.problem.tags import SHEET_TAGS, TAG_SIZES_MM, Tag, check_tag_number
+from gaitopt.track.found import FilmTrack
+from gaitopt.track.shutter import LONGEST_S
+from gaitopt.track.sync import Beginning, TagMark, TimeMark
+from gaitopt.track.tracking import Tracker, track_film
+
+T = TypeVar("T")
+
+_COMMANDS_S, _NEW_RAD = 1e-3, 1e-3
+"""Times at which commands are compared with those before the gait, s, and what counts as a new one, rad."""
 
 _RULER_MM, _RULER = 100.0, (80.0, 125.0)
 """Length of the printed ruler, and what printers make of it, mm."""
@@ -30,14 +42,16 @@ class TrackOptions:
         tags: site of further tags by number; None for one on the floor.
         size_mm: edge of these tags, mm; 20 by default.
         ruler_mm: length of the printed ruler of 100 mm, mm.
-        sync_at_s: time stamp at which the gait began in each film, s: one for all, or one each; none where it
-            is not known.
+        sync: what shows that the gait begins in each film: one for all, or one each; none where nothing does.
+        readout_ms: how much later the phone reads the last row of its pictures than the first, ms; by default
+            as a moving camera shows it, and 0 for one that stands still.
     """
 
     tags: Mapping[str, str | None] = field(default_factory=dict)
     size_mm: float | None = None
     ruler_mm: float = _RULER_MM
-    sync_at_s: Sequence[float] = ()
+    sync: Sequence[Beginning] = ()
+    readout_ms: float | None = None
 
 
 @dataclass(frozen=True)
@@ -100,11 +114,15 @@ def track(
     gaits = [gaits] if isinstance(gaits, str) else list(gaits)
     _check(options, paths, gaits, problem)
     tracker = Tracker.of(problem, _all_tags(problem, options), options.ruler_mm / _RULER_MM)
-    tracks = [track_film(path, tracker, on_progress) for path in paths]
-    syncs = options.sync_at_s if len(options.sync_at_s) == len(paths) else [*options.sync_at_s] * len(paths)
+    begins: list[Beginning | None] = [*_each(options.sync, len(paths))] or [None] * len(paths)
+    readout_s = None if options.readout_ms is None else 1e-3 * options.readout_ms
+    tracks = [
+        track_film(path, tracker, on_progress, begin, readout_s)
+        for path, begin in zip(paths, begins, strict=True)
+    ]
     read = [
-        Recording(found.film, "film", _motion(found, syncs[index] if syncs else None))
-        for index, found in enumerate(tracks)
+        Recording(found.film, "film", _motion(found, _began(found, begin, tracker, problem.find_gait(gait))))
+        for found, begin, gait in zip(tracks, begins, _each(gaits, len(paths)), strict=True)
     ]
     recordings = write_recordings(read, gaits, folder, ImportOptions(), problem)
     done = TrackRun(folder, tuple(tracks), tuple(recordings))
@@ -113,6 +131,21 @@ def track(
 
         write_tracking(page, tracks, done.defects, tracker)
     return done
+
+
+def _each(given: Sequence[T], count: int) -> list[T]:
+    """Return one for each film; one is for all of them."""
+    return list(given) * (count if len(given) == 1 else 1)
+
+
+def _began(found: FilmTrack, begin: Beginning | None, tracker: Tracker, gait: Gait) -> float | None:
+    """Return the time stamp of the gait's time 0, s. A tag of the robot moves at its first new command."""
+    at = found.sync.at_s
+    if at is None or not isinstance(begin, TagMark) or begin.tag not in tracker.robot.numbers():
+        return at
+    times = np.arange(0.0, gait.period_s, _COMMANDS_S)
+    away = np.abs(gait.targets(times) - tracker.robot.model.key_ctrl[0]).max(axis=1)
+    return at - float(times[np.argmax(away > _NEW_RAD)])
 
 
 def _motion(found: FilmTrack, sync_at_s: float | None) -> Motion:
@@ -129,12 +162,17 @@ def _check(options: TrackOptions, films: Sequence[Path], gaits: Sequence[str], p
         raise bad_value("gaitopt track", "--ruler-mm", options.ruler_mm, allowed)
     if len(gaits) not in (1, len(films)):
         raise GaitoptError(f"--gait: found {len(gaits)} for {len(films)} films; allowed: one, or one each")
-    if len(options.sync_at_s) not in (0, 1, len(films)):
-        found = len(options.sync_at_s)
-        raise GaitoptError(f"--sync-at: found {found} for {len(films)} films; allowed: one, or one each")
-    for sync in options.sync_at_s:
-        if not (math.isfinite(sync) and abs(sync) < 1e5):
-            raise bad_value("gaitopt track", "--sync-at", sync, "seconds from the film's first picture")
+    if len(options.sync) not in (0, 1, len(films)):
+        found = len(options.sync)
+        raise GaitoptError(f"--sync: found {found} for {len(films)} films; allowed: one, or one each")
+    for mark in options.sync:
+        if isinstance(mark, TimeMark) and not (math.isfinite(mark.at_s) and abs(mark.at_s) < 1e5):
+            raise bad_value("gaitopt track", "--sync-at", mark.at_s, "seconds from the film's first picture")
+        if isinstance(mark, TagMark) and mark.tag in SHEET_TAGS:
+            raise bad_value("gaitopt track", "--sync-tag", mark.tag, "a tag that is not on the floor sheet")
+    longest = 1e3 * LONGEST_S
+    if options.readout_ms is not None and not abs(options.readout_ms) <= longest:
+        raise bad_value("gaitopt track", "--readout-ms", options.readout_ms, f"-{longest:g} to {longest:g}")
     names = [film.stem for film in films]
     if len(set(names)) < len(names):
         raise GaitoptError(f"two films have the same name: {', '.join(sorted(names))}; rename one")

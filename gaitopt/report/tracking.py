@@ -16,7 +16,8 @@ from gaitopt.report.page import Page, Picture, Section, Table, after_results, im
 from gaitopt.robot.signals import is_position
 from gaitopt.runs.folder import PAGE_FILE, filled_folder, write_into
 from gaitopt.track.advice import advice
-from gaitopt.track.tracking import FilmTrack, Tracker
+from gaitopt.track.found import FilmTrack
+from gaitopt.track.tracking import Tracker
 
 
 def write_tracking(

@@ -8,7 +8,8 @@ import numpy as np
 
 from gaitopt.problem.tags import SHEET_TAGS
 from gaitopt.robot.signals import TURNS, axis_of, site_of
-from gaitopt.track.tracking import FilmTrack, Tracker
+from gaitopt.track.found import FilmTrack
+from gaitopt.track.tracking import Tracker
 
 _WANTED_PX, _FEW_PX = 50.0, 35.0
 """Edge that a tag should have in a picture, and below which a larger one is advised, pixels."""

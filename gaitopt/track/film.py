@@ -31,11 +31,13 @@ class FilmFacts:
         path: the file.
         seconds: its length, s; 0 where it does not say.
         frames: about how many pictures it has; 0 where that is not known.
+        quarters: how often its pictures are turned by 90 degrees to the left, to stand upright.
     """
 
     path: Path
     seconds: float
     frames: int
+    quarters: int = 0
 
 
 def facts_of(path: Path) -> FilmFacts:
@@ -44,10 +46,16 @@ def facts_of(path: Path) -> FilmFacts:
     Raises:
         GaitoptError: it is no film, or none that can be read.
     """
+    import av
+
     with _opened(path) as (container, stream):
         seconds = _length(container, stream)
         rate = float(stream.average_rate or 0.0)
-        return FilmFacts(path, seconds, int(stream.frames or round(seconds * rate)))
+        try:
+            first = next(container.decode(stream), None)
+        except av.error.FFmpegError:
+            first = None  # `pictures` says what is wrong with it
+        return FilmFacts(path, seconds, int(stream.frames or round(seconds * rate)), _quarters(first))
 
 
 def pictures(path: Path, colour: bool = False) -> Iterator[tuple[float, NDArray[np.uint8]]]:
@@ -131,5 +139,8 @@ def _length(container: Any, stream: Any) -> float:
 def _upright(frame: Any, colour: bool) -> NDArray[np.uint8]:
     """Return a frame as it is shown: turned as its rotation flag says."""
     array = frame.to_ndarray(format="rgb24" if colour else "gray")
-    quarters = round(float(getattr(frame, "rotation", 0) or 0) / 90.0) % 4
-    return np.ascontiguousarray(np.rot90(array, quarters))
+    return np.ascontiguousarray(np.rot90(array, _quarters(frame)))
+
+
+def _quarters(frame: Any) -> int:
+    return round(float(getattr(frame, "rotation", 0) or 0) / 90.0) % 4

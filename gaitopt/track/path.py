@@ -48,6 +48,32 @@ class Path:
         """In which pictures the body has a pose, shape (n,)."""
         return np.array([pose is not None for pose in self.poses], dtype=bool)
 
+    def on_time(self, times: Array, late: Array) -> Path:
+        """Return the path as it was at the pictures' time stamps.
+
+        What a body moved since is taken back by the speed that the pictures beside it show; where there is
+        none, nothing is.
+
+        Args:
+            times: the time stamps, s, shape (n,).
+            late: how much later the body was seen, s, shape (n,).
+        """
+        if not late.any():
+            return self
+        poses = list(self.poses)
+        moments = times + late
+        for index, pose in enumerate(self.poses):
+            near = [i for i in range(index - 1, index + 2) if 0 <= i < len(poses)]
+            known = [(moments[i], p) for i in near if (p := self.poses[i]) is not None]
+            if pose is None or len(known) < 2:
+                continue
+            (begin, before), (end, after) = known[0], known[-1]
+            back = -late[index] / (end - begin)
+            turn = Rotation.from_rotvec(back * Rotation.from_matrix(after.turn @ before.turn.T).as_rotvec())
+            shift = pose.shift + back * (after.shift - before.shift)
+            poses[index] = replace(pose, turn=turn.as_matrix() @ pose.turn, shift=shift)
+        return replace(self, poses=tuple(poses))
+
     def point(self, own: Array) -> tuple[Array, Array]:
         """Return a point of the body in each picture, m, and its variance, m^2, both of shape (n, 3).
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from gaitopt.track.room import Room, Seen, rays_on_floor
 
 Array = NDArray[np.float64]
 
-_LONGEST_S = 0.05
+LONGEST_S = 0.05
 """No phone takes longer to read a picture, s."""
 
 _SURE = 4.0
@@ -68,7 +68,7 @@ def readout_of(times: Array, frames: Sequence[Seen], cameras: Sequence[Pose | No
         return np.zeros(2)
     readout = np.linalg.solve(normal, pull)
     spread = np.sqrt(np.diag(np.linalg.inv(normal)) * max(square - pull @ readout, 0.0) / count)
-    known = (np.abs(readout) > _SURE * spread) & (np.abs(readout) < _LONGEST_S)
+    known = (np.abs(readout) > _SURE * spread) & (np.abs(readout) < LONGEST_S)
     return np.where(known, readout, 0.0)
 
 
@@ -105,6 +105,33 @@ def motions(times: Array, cameras: Sequence[Pose | None]) -> list[Array | None]:
         turn = Rotation.from_matrix(after.turn @ before.turn.T).as_rotvec()
         found.append(np.concatenate([turn, after.shift - before.shift]) / span)
     return found
+
+
+def said_readout(readout_s: float, quarters: int) -> Array:
+    """Return how much later the last column and the last row of an upright picture are seen, s, shape (2,).
+
+    Args:
+        readout_s: the same of the last row as the phone reads them, s.
+        quarters: how often the picture was turned by 90 degrees to the left, to stand upright.
+    """
+    return readout_s * np.array([(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][quarters % 4])
+
+
+def lateness(tags: Iterable[int], frames: Sequence[Seen], size: tuple[int, int], readout: Array) -> Array:
+    """Return how much later than a picture's stamp, which is that of its middle, some tags are seen, s, (n,).
+
+    Args:
+        tags: the tags.
+        frames: the corners in each picture.
+        size: width and height of a picture, pixels.
+        readout: how much later the last column and the last row are seen than the first, s, shape (2,).
+    """
+    late = np.zeros(len(frames))
+    for index, seen in enumerate(frames):
+        here = [seen[number] for number in tags if number in seen]
+        if here:
+            late[index] = (np.mean(np.concatenate(here), axis=0) / np.array(size) - 0.5) @ readout
+    return late
 
 
 def _moved(camera: Pose, step: Array) -> Pose:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +11,31 @@ from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import OnProgress, Progress, silent
-from gaitopt.core.quantities import figure, unit_of
 from gaitopt.diagnose.record.defect import Defect, counted, spans_of
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.tags import SHEET_TAGS, Tag
-from gaitopt.robot.signals import AXES, MARKER, TURNS, is_position, joint_signal
+from gaitopt.robot.signals import AXES, MARKER, TURNS, joint_signal
 from gaitopt.track import path as paths
 from gaitopt.track.bodies import Link, TaggedRobot
 from gaitopt.track.film import facts_of, pictures
 from gaitopt.track.floor_sheet import SHEET_MM, SHEET_TAG_MM
+from gaitopt.track.found import FilmTrack
+from gaitopt.track.pose import Pose
 from gaitopt.track.room import FloorTag, Room, Seen, solved_room
 from gaitopt.track.seeing import Eye, edge_of
 from gaitopt.track.settings import DEFAULT, TrackSettings
-from gaitopt.track.shutter import readout_of, straightened
+from gaitopt.track.shutter import lateness, readout_of, said_readout, straightened
+from gaitopt.track.sync import (
+    UNKNOWN,
+    Beginning,
+    FrameMark,
+    Lamp,
+    LampMark,
+    Sync,
+    TagMark,
+    TimeMark,
+    first_motion,
+)
 
 Array = NDArray[np.float64]
 
@@ -82,111 +94,32 @@ class Tracker:
         return Tracker(TaggedRobot.of(problem, on_robot, scale), sheet | loose, settings)
 
 
-@dataclass(frozen=True)
-class FilmTrack:
-    """What was found in a film.
-
-    Attributes:
-        film: the film.
-        time: time stamp of each picture from the first one, s, shape (n,).
-        signals: series by signal, m or rad, each of shape (n,), NaN in gaps.
-        noise: standard deviation of each signal's noise, m or rad.
-        shares: share of the pictures in which each tag of the robot, and of those of the floor that are seen
-            at all, is seen.
-        room: lens, floor and camera.
-        error_px: standard deviation of the corners of the tags on each body, by its site, pixels.
-        defects: what is wrong with the film, and what was left out.
-        frames: corners of the tags in each picture.
-        edges_px: median edge of each tag in the pictures, pixels.
-        readout_s: how much later the last row of a picture is seen than the first, s, as a moving camera
-            shows; 0 where that is not known.
-    """
-
-    film: Path
-    time: Array
-    signals: Mapping[str, Array]
-    noise: Mapping[str, float]
-    shares: Mapping[int, float]
-    room: Room
-    error_px: Mapping[str, float]
-    defects: tuple[Defect, ...] = ()
-    frames: Sequence[Seen] = field(default=(), repr=False)
-    edges_px: Mapping[int, float] = field(default_factory=dict)
-    readout_s: float = 0.0
-
-    @property
-    def fps(self) -> float:
-        """Frame rate, the median, frames a second."""
-        return float(1.0 / np.median(np.diff(self.time)))
-
-    def sentence(self) -> str:
-        """Return what was found, in a line."""
-        camera = "hand-held or moved" if self.room.camera is None else "on a stand"
-        return (
-            f"{self.film}: {len(self.time)} frames in {self.time[-1]:.2f} s, camera {camera}, focal length "
-            f"{self.room.lens.focal:.0f} px (± {self.room.lens.focal_sd:.0f})"
-        )
-
-    def lines(self) -> list[str]:
-        """Return what was found of each tag, and the noise of each signal, in lines."""
-        tags = [
-            f"tag {n}: seen in {share:.0%} of the frames"
-            + (f", {self.edges_px[n]:.0f} px wide" if n in self.edges_px else "")
-            for n, share in self.shares.items()
-        ]
-        signals = [
-            f"{name}: noise {_shown(name, self.noise[name])}, in {np.isfinite(series).mean():.0%} of frames"
-            for name, series in self.signals.items()
-        ]
-        return [*tags, *signals]
-
-    def to_dict(self) -> dict[str, object]:
-        """Return what `gaitopt track --json` prints of a film."""
-        lens = self.room.lens
-        return {
-            "film": str(self.film),
-            "frames": len(self.time),
-            "seconds": float(self.time[-1]),
-            "fps": self.fps,
-            "camera": "moving" if self.room.camera is None else "still",
-            "lens": {"focal_px": lens.focal, "focal_sd_px": lens.focal_sd, "k1": lens.k1, "k2": lens.k2},
-            "readout_s": self.readout_s,
-            "floor_error_px": self.room.error_px,
-            "tags": [
-                {"tag": n, "seen": share, "edge_px": self.edges_px.get(n)} for n, share in self.shares.items()
-            ],
-            "bodies": [{"site": site, "error_px": error} for site, error in self.error_px.items()],
-            "signals": [
-                {
-                    "signal": name,
-                    "seen": float(np.isfinite(series).mean()),
-                    ("noise_m" if is_position(name) else "noise_rad"): self.noise[name],
-                }
-                for name, series in self.signals.items()
-            ],
-        }
-
-
-def _shown(signal: str, value: float) -> str:
-    unit, factor = unit_of("_m" if is_position(signal) else "_rad")
-    return f"{figure(factor * value)} {unit}"
-
-
-def track_film(film: Path, tracker: Tracker, progress: OnProgress = silent) -> FilmTrack:
+def track_film(
+    film: Path,
+    tracker: Tracker,
+    progress: OnProgress = silent,
+    beginning: Beginning | None = None,
+    readout_s: float | None = None,
+) -> FilmTrack:
     """Return what is found in a film.
 
     Args:
         film: the film.
         tracker: what is looked for.
         progress: called after some pictures.
+        beginning: what shows that the gait begins, if it is known.
+        readout_s: how much later the phone reads the last row of its pictures than the first, s; by default
+            as a moving camera shows it.
 
     Raises:
         GaitoptError: it is no film, ends in the middle, or shows no tag of the robot or of the floor; or a
             tag on the floor is not as large as was said.
     """
     robot, settings = tracker.robot, tracker.settings
-    eye = Eye([*robot.numbers(), *tracker.floor], tracker.floor, settings)
-    time, frames, size = _seen(film, eye, progress)
+    shown = [beginning.tag] if isinstance(beginning, TagMark) else []
+    eye = Eye([*robot.numbers(), *tracker.floor, *shown], tracker.floor, settings)
+    lamp = Lamp(beginning, tracker.floor) if isinstance(beginning, LampMark) else None
+    time, frames, size = _seen(film, eye, lamp, progress)
     missing = _check_seen(film, robot, frames, eye)
     try:
         room = solved_room(frames, tracker.floor, size, settings)
@@ -194,20 +127,26 @@ def track_film(film: Path, tracker: Tracker, progress: OnProgress = silent) -> F
         raise GaitoptError(f"{film}: {error}") from None
     _check_sizes(film, room)
     cameras = paths.cameras_of(frames, room, settings)
-    readout = np.zeros(2)
+    readout = np.zeros(2) if readout_s is None else said_readout(readout_s, facts_of(film).quarters)
     straight: Sequence[Seen] = frames
     for _ in range(_SHUTTER_ROUNDS if room.camera is None else 0):
-        readout = readout_of(time, frames, cameras, room)
+        readout = readout_of(time, frames, cameras, room) if readout_s is None else readout
         if not readout.any():
             break
         straight = straightened(time, frames, cameras, room, readout)
         room = solved_room(straight, tracker.floor, size, settings)
         cameras = paths.cameras_of(straight, room, settings)
-    found = {body.site: paths.path_of(body, straight, cameras, room, settings) for body in robot.bodies}
-    found = {site: path for site, path in found.items() if path.seen.any()}
+    found = {}
+    for body in robot.bodies:
+        path = paths.path_of(body, straight, cameras, room, settings)
+        if path.seen.any():
+            found[body.site] = path.on_time(time, lateness(body.tags, frames, size, readout))
     signals, noise = _signals(robot, found)
     joints, joint_noise, defects = _joints(film, robot, found, settings)
+    sync = _beginning(beginning, lamp, time, frames, cameras, room)
     everything = [*missing, *_strangers(film, eye), *_outliers(film, found, time), *defects]
+    if sync.at_s is None and beginning is not None:
+        everything.append(Defect("sync_not_found", film.stem, sync.how, 0))
     seen_floor = [n for n in room.floor if n in SHEET_TAGS or n in tracker.floor]
     numbers = [*robot.numbers(), *seen_floor]
     return FilmTrack(
@@ -222,10 +161,29 @@ def track_film(film: Path, tracker: Tracker, progress: OnProgress = silent) -> F
         frames,
         _edges(frames, numbers),
         float(readout[np.argmax(np.abs(readout))]),
+        sync,
     )
 
 
-def _seen(film: Path, eye: Eye, progress: OnProgress) -> tuple[Array, list[Seen], tuple[int, int]]:
+def _beginning(
+    beginning: Beginning | None,
+    lamp: Lamp | None,
+    time: Array,
+    frames: Sequence[Seen],
+    cameras: Sequence[Pose | None],
+    room: Room,
+) -> Sync:
+    """Return when the gait began."""
+    if isinstance(beginning, TagMark):
+        return first_motion(beginning.tag, time, frames, cameras, room)
+    if isinstance(beginning, (TimeMark, FrameMark)):
+        return beginning.sync(time)
+    return UNKNOWN if lamp is None else lamp.sync(time)
+
+
+def _seen(
+    film: Path, eye: Eye, lamp: Lamp | None, progress: OnProgress
+) -> tuple[Array, list[Seen], tuple[int, int]]:
     """Return time stamps, corners of the tags in each picture, and the size of the pictures."""
     total = facts_of(film).frames
     times: list[float] = []
@@ -238,6 +196,8 @@ def _seen(film: Path, eye: Eye, progress: OnProgress) -> tuple[Array, list[Seen]
             )
         times.append(at)
         frames.append(eye.look(picture))
+        if lamp is not None:
+            lamp.look(picture, frames[-1])
         size = (picture.shape[1], picture.shape[0])
         progress(Progress(film.name, len(times), max(total, len(times)) or None, "frames"))
     if len(times) < _FEWEST:

@@ -101,7 +101,9 @@ def test_advice_is_given_where_a_film_could_be_better(filmed: Walk, arcfold: Pro
         (["--tag", "4=base_tag"], "--tag: found the site 'base_tag' twice; allowed: one tag on each site"),
         (["--ruler-mm", "10"], "--ruler-mm: found 10.0; allowed: 80 to 125: what the printed ruler"),
         (["--size-mm", "900"], "--size-mm: found 900.0; allowed: 5 to 150"),
-        (["--sync-at", "1", "--sync-at", "2"], "--sync-at: found 2 for 1 films; allowed: one, or one each"),
+        (["--sync-at", "1", "--sync-at", "2"], "--sync: found 2 for 1 films; allowed: one, or one each"),
+        (["--sync-tag", "101"], "--sync-tag: found 101; allowed: a tag that is not on the floor sheet"),
+        (["--readout-ms", "80"], "--readout-ms: found 80.0; allowed: -50 to 50"),
         (["--gait", "square-1s"], "--gait: found 2 for 1 films; allowed: one, or one each"),
     ],
 )

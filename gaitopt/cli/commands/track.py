@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import GAIT, add_json, add_quiet, problem_of
+
+if TYPE_CHECKING:
+    from gaitopt.track.sync import Beginning
 
 
 def add_options(parser: Parser) -> None:
@@ -35,19 +39,52 @@ def add_options(parser: Parser) -> None:
         metavar="MM",
         help="what the printed ruler of 100 mm measures (default: %(default)g)",
     )
+    _add_sync(parser)
     add(
-        "--sync-at",
-        action="append",
-        default=[],
+        "--readout-ms",
         type=float,
-        metavar="S",
-        help="time in the film at which the gait began, if it is seen; one for all films, or one each",
+        metavar="MS",
+        help="how much later the phone reads a picture's last row than its first; a film by hand shows it",
     )
     about = "write a page into this folder: tracks, gaps, noise, advice, and the films with the tags drawn in"
     add("--report", type=Path, metavar="DIR", help=about)
     parser.set_defaults(parameters=[])
     add_quiet(parser)
     add_json(parser)
+
+
+def _add_sync(parser: Parser) -> None:
+    """Add the options that say, or show, when the gait begins: of one kind, one for all films or one each."""
+    group = parser.add_mutually_exclusive_group()
+    for name, kind, metavar, about in (
+        ("at", float, "S", "the gait begins at this time in the film; one for all films, or one each"),
+        ("frame", int, "N", "the gait begins in this picture; the first one is 0"),
+        ("led", _place, "X,Y", "a lamp at this pixel of the first picture lights up when the gait begins"),
+        ("tag", int, "ID", "this tag, of the robot or on what starts it, begins to move with the gait"),
+    ):
+        group.add_argument(
+            f"--sync-{name}", action="append", default=[], type=kind, metavar=metavar, help=about
+        )
+
+
+def _place(text: str) -> tuple[float, float]:
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: X,Y in pixels") from None
+    return x, y
+
+
+def _beginnings(options: Options) -> list[Beginning]:
+    """Return what shows, or says, when the gait begins."""
+    from gaitopt.track.sync import FrameMark, LampMark, TagMark, TimeMark
+
+    return [
+        *(TimeMark(at) for at in options.sync_at),
+        *(FrameMark(frame) for frame in options.sync_frame),
+        *(LampMark(*place) for place in options.sync_led),
+        *(TagMark(tag) for tag in options.sync_tag),
+    ]
 
 
 def _tag(text: str) -> tuple[str, str]:
@@ -66,7 +103,8 @@ def run(options: Options) -> None:
         tags={number: None if site == "floor" else site for number, site in options.tags},
         size_mm=options.size_mm,
         ruler_mm=options.ruler_mm,
-        sync_at_s=options.sync_at,
+        sync=_beginnings(options),
+        readout_ms=options.readout_ms,
     )
     with frames_display(options.quiet) as show:
         problem = problem_of(options)

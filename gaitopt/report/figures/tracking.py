@@ -10,7 +10,7 @@ from gaitopt.diagnose.record.defect import runs
 from gaitopt.report.figures.style import BEST_COLOUR, COLOURS, stacked_panels
 from gaitopt.report.letters import drawable
 from gaitopt.robot.signals import is_position
-from gaitopt.track.tracking import FilmTrack
+from gaitopt.track.found import FilmTrack
 
 _PANEL = 0.85
 """Height of a panel, inches."""

@@ -11,7 +11,7 @@ from gaitopt.problem.tags import SHEET_TAGS
 from gaitopt.report.film.encode import write_mp4
 from gaitopt.report.letters import font
 from gaitopt.track.film import pictures
-from gaitopt.track.tracking import FilmTrack
+from gaitopt.track.found import FilmTrack
 
 _WIDEST = 960
 """Width of the overlay, at most, pixels."""
