@@ -286,18 +286,23 @@ def _undulation(
     model: mujoco.MjModel, standing: Standing, axes: Array, travels: Sequence[Travel]
 ) -> FirstGait:
     """Return a wave that runs from the front of a body to its rear, and drives it forward."""
-    places = []
-    for actuator in range(model.nu):
-        joints = list(driven_joints(model, actuator))
-        anchors = standing.drawn.xanchor[joints] if joints else np.zeros((1, 3))
-        places.append(float((anchors @ axes[0]).mean()))
-    order = np.argsort(np.argsort([-place for place in places], kind="stable"), kind="stable")
+    order = from_front(model, standing, axes)
     waves = {
-        travel.name: _swung(travel, travel.sign * _WAVE_DEG, -_WAVES * float(rank) / (model.nu + 1))
-        for travel, rank in zip(travels, order, strict=True)
+        travel.name: _swung(travel, travel.sign * _WAVE_DEG, -_WAVES * order.index(servo) / (model.nu + 1))
+        for servo, travel in enumerate(travels)
     }
     period = max(1.0, round(min(4.0, _slowest(model, _WAVE_DEG)), 3))
     return FirstGait("undulation", "a wave from front to rear", period, waves)
+
+
+def from_front(model: mujoco.MjModel, standing: Standing, axes: Array) -> list[int]:
+    """Return the servos by how far forward their joints are, the foremost first; see `first_gaits`."""
+
+    def ahead(servo: int) -> float:
+        joints = list(driven_joints(model, servo))
+        return float((standing.drawn.xanchor[joints] @ axes[0]).mean()) if joints else 0.0
+
+    return sorted(range(model.nu), key=ahead, reverse=True)
 
 
 def _in_turn(travels: Sequence[Travel]) -> FirstGait:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.problem.drafting.family import Limb, limbs_of
-from gaitopt.problem.drafting.gaits import Travel
+from gaitopt.problem.drafting.gaits import Travel, from_front
 from gaitopt.problem.drafting.standing import Standing
 from gaitopt.problem.ties import HEXAPOD, QUADRUPED, SPINE, UNDULATION
 from gaitopt.robot.tree import driven_joints, trunk
@@ -53,8 +53,7 @@ def draft_ties(
     """
     parts = _Parts(model, standing, axes, travels)
     if family in ("snake", "swimmer"):
-        order = sorted(range(model.nu), key=lambda servo: -parts.place(servo))
-        return parts.tied([UNDULATION], {SPINE: order})
+        return parts.tied([UNDULATION], {SPINE: from_front(model, standing, axes)})
     names = {"quadruped": QUADRUPED, "hexapod": HEXAPOD}.get(family, ())
     legs = parts.named(limbs_of(model, pads), names)
     templates = ["tripod"] if family == "hexapod" else ["trot", "walk", "bound"]
@@ -63,17 +62,12 @@ def draft_ties(
 
 @dataclass(frozen=True)
 class _Parts:
-    """The servos of a robot: where they are, and what they turn."""
+    """The servos of a robot, and what they turn."""
 
     model: mujoco.MjModel
     standing: Standing
     axes: Array
     travels: Sequence[Travel]
-
-    def place(self, servo: int) -> float:
-        """Return how far forward the joints of a servo are, m."""
-        joints = list(driven_joints(self.model, servo))
-        return float((self.standing.drawn.xanchor[joints] @ self.axes[0]).mean()) if joints else 0.0
 
     def axis(self, servo: int) -> Array | None:
         """Return the axis that a servo turns about, forward, left and up, shape (3,), or None.
@@ -94,11 +88,9 @@ class _Parts:
         if not names or len(limbs) != len(names):
             return {}
         rows = list(dict.fromkeys(name.partition("_")[0] for name in names))
-        feet = [
-            self.axes @ (self.standing.rested.geom_xpos[list(limb.feet)].mean(axis=0)
-                         - self.standing.rested.xpos[trunk(self.model)])
-            for limb in limbs
-        ]  # fmt: skip
+        rested = self.standing.rested
+        middles = [rested.geom_xpos[list(limb.feet)].mean(axis=0) for limb in limbs]
+        feet = [self.axes @ (middle - rested.xpos[trunk(self.model)]) for middle in middles]
         legs: dict[str, Sequence[int]] = {}
         for side, left in (("left", True), ("right", False)):
             of_side = [i for i, foot in enumerate(feet) if (foot[1] > 0.0) == left]
