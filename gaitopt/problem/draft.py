@@ -17,7 +17,7 @@ from gaitopt.core.files import read_bytes, write_bytes, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.gait.calibration import SAFE_PINS
 from gaitopt.problem.drafting.checks import check_actuators, check_angles, remarks_on
-from gaitopt.problem.drafting.family import FAMILIES, OBJECTIVES, guess_family
+from gaitopt.problem.drafting.family import FAMILIES, LIMITS, guess_family
 from gaitopt.problem.drafting.faults import Faults
 from gaitopt.problem.drafting.gaits import FirstGait, Travel, first_gaits
 from gaitopt.problem.drafting.motors import make_servos
@@ -166,7 +166,7 @@ def _draft(
         parameters=guess_parameters(model, root, roles.pad_ids),
         gaits=first_gaits(kind, model, standing, roles.pad_ids, axes, travels),
         ties=draft_ties(kind, model, standing, roles.pad_ids, axes, travels),
-        constraints=OBJECTIVES[kind],
+        constraints=LIMITS[kind],
         penalty=max(0.05, round(_PENALTY * size_of(model, standing.drawn), 2)),
         stance=standing.origin,
         changes=changes,

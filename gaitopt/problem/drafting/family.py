@@ -140,22 +140,20 @@ def guess_family(model: mujoco.MjModel, standing: Standing, pads: Sequence[int])
     return "other", f"it stands on {len(pads)} pads of {len(limbs)} limbs"
 
 
-OBJECTIVES: Mapping[str, Mapping[str, str]] = {
+_ON_LEGS = {
+    "tilt_rad": "max = 0.6, scale = 0.2",
+    "sideways_ratio": "max = 0.35, scale = 0.35",
+    "yaw_rate_rad_s": "max = 0.2, scale = 0.2",
+}
+
+LIMITS: Mapping[str, Mapping[str, str]] = {
     "crawler": {
         "airtime": "max = 0.1, scale = 0.05",
         "tilt_rad": "max = 0.8, scale = 0.2",
         "sideways_ratio": "max = 0.35, scale = 0.35",
     },
-    "quadruped": {
-        "tilt_rad": "max = 0.6, scale = 0.2",
-        "sideways_ratio": "max = 0.35, scale = 0.35",
-        "yaw_rate_rad_s": "max = 0.2, scale = 0.2",
-    },
-    "hexapod": {
-        "tilt_rad": "max = 0.6, scale = 0.2",
-        "sideways_ratio": "max = 0.35, scale = 0.35",
-        "yaw_rate_rad_s": "max = 0.2, scale = 0.2",
-    },
+    "quadruped": _ON_LEGS,
+    "hexapod": _ON_LEGS,
     "snake": {"airtime": "max = 0.1, scale = 0.05", "sideways_ratio": "max = 0.5, scale = 0.35"},
     "swimmer": {"sideways_ratio": "max = 0.5, scale = 0.35"},
     "other": {"tilt_rad": "max = 0.8, scale = 0.2", "sideways_ratio": "max = 0.35, scale = 0.35"},

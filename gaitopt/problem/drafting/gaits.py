@@ -31,8 +31,9 @@ _MOST_FLIGHT = 0.35
 """Largest share of time without contact in a first gait."""
 
 _TRIAL_S = 4.0
-_FALLEN_RAD = 0.8
-"""Time for which a first gait is tried, s, and the tilt at which the robot has fallen, rad."""
+_TIPPED_RAD = 0.8
+"""Time for which a first gait is tried, s, and the tilt at which a robot that walks is about to fall, rad; at
+rest it may be more, see `standing.FALLEN_RAD`."""
 
 _MOVES_M = 1e-3
 """A servo that moves the foot by less than this for 1 rad does not move it, m."""
@@ -242,7 +243,7 @@ def _stays_up(model: mujoco.MjModel, standing: Standing, waves: Mapping[str, Wav
     channels = [Channel(**asdict(wave)) for wave in waves.values()]
     step, body = float(model.opt.timestep), trunk(model)
     drawn = standing.drawn.xmat[body].reshape(3, 3).T @ -model.opt.gravity
-    least = math.cos(_FALLEN_RAD) * float(np.linalg.norm(model.opt.gravity)) ** 2
+    least = math.cos(_TIPPED_RAD) * float(np.linalg.norm(model.opt.gravity)) ** 2
     cycles = np.arange(0.0, _TRIAL_S, step) / period
     targets = np.stack([channel.targets(cycles, EDGE_TOLERANCE) for channel in channels], axis=-1)
     flights = 0
