@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 from gaitopt.core.json import to_json
 from gaitopt.core.quantities import figure
+from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.compare import ComparedGait
+from gaitopt.optimise.compare import COMPARED, ComparedGait
+from gaitopt.optimise.verification import scenarios_of, scenarios_on_every_robot
 from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import comparison as comparison_figures
 from gaitopt.report.figures import gait as gait_figures
+from gaitopt.report.motion import player_part, shown_takes, way_picture, ways_of
 from gaitopt.report.page import Page, Picture, Section, Table, after_results, folded, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.tables import metric_table
 from gaitopt.report.words import constraints_text, fidelity_text, interval_text, scenario_rule, verdicts
+from gaitopt.robot.trajectory import Trajectory
 from gaitopt.runs.folder import PAGE_FILE, filled_folder, write_into
 from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
 
 
 def write_comparison(
@@ -46,6 +51,13 @@ def _page(
     folder: Path, problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait], seed: int
 ) -> Page:
     names, working = [row.name for row in rows], problem.simulation.working
+    known = [f"{name} ({n})" if names.count(name) > 1 else name for n, name in enumerate(names, 1)]
+    shown = dict(zip(known, gaits, strict=True))
+    simulator = Simulator.build(problem)
+    trajectories = rollouts(simulator, shown)
+    caption = "The gaits on the nominal robot, from the start, on one clock: choose which two are shown."
+    player = player_part("The robot", caption, shown_takes(simulator, shown, trajectories))
+    ways = ways_of(problem, shown, trajectories, _scenarios(problem, seed))
     return Page(
         title=f"{problem.name}: gaits compared",
         answer=" ".join(verdicts(rows)) or f"{names[0]} alone: nothing to compare with.",
@@ -55,13 +67,22 @@ def _page(
             f"each gait{_robots_text(rows)}{scenario_rule(problem.objective)}",
             "Simulated": fidelity_text(working.timestep_s, working.integrator),
         },
+        notes=player.notes,
         sections=[
+            *player.sections,
             Section("Over the same scenarios", table=_speed_table(rows)),
             *([Section(f"Against {names[0]}", table=_paired_table(rows))] if len(rows) > 1 else []),
-            *save_figures(folder, _pictures(problem, gaits, rows)),
+            *save_figures(folder, _pictures(problem, rows, trajectories) | way_picture(ways, problem)),
             folded(Section("All metrics", table=metric_table(rows))),
         ],
     )
+
+
+def _scenarios(problem: Problem, seed: int) -> tuple[Scenario, ...]:
+    """Return the scenarios of the comparison."""
+    if problem.robots:
+        return scenarios_on_every_robot(problem, seed, COMPARED)
+    return scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS)
 
 
 def _robots_text(rows: Sequence[ComparedGait]) -> str:
@@ -69,10 +90,10 @@ def _robots_text(rows: Sequence[ComparedGait]) -> str:
     return f", each on one of {count} robots of a posterior (intervals hold 90 % of them)" if count else ""
 
 
-def _pictures(problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait]) -> dict[str, Picture]:
+def _pictures(
+    problem: Problem, rows: Sequence[ComparedGait], trajectories: Mapping[str, Trajectory]
+) -> dict[str, Picture]:
     names = [row.name for row in rows]
-    known = [f"{name} ({n})" if names.count(name) > 1 else name for n, name in enumerate(names, 1)]
-    trajectories = rollouts(Simulator.build(problem), dict(zip(known, gaits, strict=True)))
     pictures = {
         "speeds": Picture(
             "Speed",

@@ -10,6 +10,6 @@ from gaitopt.simulation.rollout import Simulator
 
 
 def rollouts(simulator: Simulator, gaits: Mapping[str, Gait]) -> dict[str, Trajectory]:
-    """Return a rollout of each gait, by name, all as long as the longest horizon."""
+    """Return a rollout of each gait with poses, by name, all as long as the longest horizon."""
     duration = max((simulator.duration(gait) for gait in gaits.values()), default=0.0)
-    return {name: simulator.run(gait, duration=duration) for name, gait in gaits.items()}
+    return {name: simulator.run(gait, duration=duration, poses=True) for name, gait in gaits.items()}

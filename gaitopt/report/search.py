@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
 from gaitopt.core.json import to_json
 from gaitopt.core.quantities import figure
+from gaitopt.core.streams import Stream
+from gaitopt.gait.gait import Gait
 from gaitopt.optimise.ladder import LadderSettings, Rung
 from gaitopt.optimise.run import Optimised
 from gaitopt.optimise.sensitivity import Sensitivity, SensitivitySettings
+from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
 from gaitopt.report.figures import comparison as comparison_figures
 from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.figures import search as search_figures
 from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
+from gaitopt.report.motion import player_part, shown_takes, way_picture, ways_of
 from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.tables import gait_table, metric_table
@@ -60,7 +64,12 @@ def write_report(
     """
     simulator, summary = Simulator.build(problem), Summary.of(problem, optimised)
     film = _film(folder.path, simulator, optimised, summary) if full else FilmPart()
-    pictures = _pictures(simulator, optimised, summary) | _sensitivity_pictures(sensitive)
+    gaits = {_BEST: optimised.best.gait} | {_by_hand(name): gait for name, gait in problem.baselines.items()}
+    trajectories = rollouts(simulator, gaits)
+    player = _player(simulator, summary, gaits, trajectories)
+    pictures = _pictures(simulator, optimised, summary, gaits, trajectories) | _sensitivity_pictures(
+        sensitive
+    )
     if sensitive:
         rows = [asdict(one) for one in sensitive]
         folder.file("sensitivity.json", to_json({"rows": rows}))
@@ -69,8 +78,9 @@ def write_report(
         answer=answer_of(summary),
         asked=_asked(problem, summary),
         tiles=_tiles(summary),
-        notes=[*filter(None, [reach_of(summary)]), *summary.notes, *film.notes],
+        notes=[*filter(None, [reach_of(summary)]), *summary.notes, *player.notes, *film.notes],
         sections=[
+            *player.sections,
             *film.sections,
             Section("Optimised against hand-tuned", table=_speed_table(summary)),
             *save_figures(folder.path, pictures),
@@ -85,13 +95,22 @@ def write_report(
 # --- figures ------------------------------------------------------------------------------------
 
 
-def _pictures(simulator: Simulator, optimised: Optimised, summary: Summary) -> dict[str, Picture]:
+def _by_hand(name: str) -> str:
+    """Return what a baseline is called beside the winner."""
+    return f"{name}, hand-tuned" if name == _BEST else name
+
+
+def _pictures(
+    simulator: Simulator,
+    optimised: Optimised,
+    summary: Summary,
+    gaits: Mapping[str, Gait],
+    trajectories: Mapping[str, Trajectory],
+) -> dict[str, Picture]:
     """Return the figures that every report has, and the front if it was requested."""
-    problem, best = simulator.problem, optimised.best.gait
-    hand_tuned = {
-        f"{name}, hand-tuned" if name == _BEST else name: gait for name, gait in problem.baselines.items()
-    }
-    trajectories = rollouts(simulator, {_BEST: best} | hand_tuned)
+    problem = simulator.problem
+    scenarios = scenarios_of(problem, summary.seed, Stream.VERIFICATION_SCENARIOS)
+    ways = ways_of(problem, gaits, _first_shown(summary, trajectories), scenarios)
     pictures = {
         "speeds": Picture(
             "Speed",
@@ -112,6 +131,7 @@ def _pictures(simulator: Simulator, optimised: Optimised, summary: Summary) -> d
             "slip, or the body folds. Equal steps mean that the gait repeats itself.",
         ),
     }
+    pictures |= way_picture(ways, problem, best=_BEST)
     if trajectories[_BEST].status == "ok":
         pictures |= _servo_pictures(simulator, optimised, trajectories[_BEST])
     pictures["convergence"] = Picture(
@@ -184,6 +204,25 @@ def _sensitivity_caption(numbers: str, step: str, lesson: str) -> str:
         f"the mean over the same scenarios. Long bars are {lesson}. The black mark is half the difference "
         "between up and down. If its interval crosses 0, they differ by no more than noise."
     )
+
+
+def _first_shown(summary: Summary, trajectories: Mapping[str, Trajectory]) -> dict[str, Trajectory]:
+    """Return the rollouts of the winner and of the fastest baseline."""
+    fastest = summary.fastest_baseline
+    names = [_BEST] if fastest is None else [_BEST, _by_hand(fastest.name)]
+    return {name: trajectories[name] for name in names}
+
+
+def _player(
+    simulator: Simulator, summary: Summary, gaits: Mapping[str, Gait], trajectories: Mapping[str, Trajectory]
+) -> FilmPart:
+    """Return the player of all gaits, the winner and the fastest baseline first."""
+    ordered = _first_shown(summary, trajectories) | dict(trajectories)
+    caption = (
+        "The optimised gait and the hand-tuned gaits on the nominal robot, from the start, on one clock: choose "
+        "which two are shown."
+    )
+    return player_part("The robot", caption, shown_takes(simulator, gaits, ordered))
 
 
 def _film(folder: Path, simulator: Simulator, optimised: Optimised, summary: Summary) -> FilmPart:

@@ -44,6 +44,26 @@ class FilmSettings:
 
 
 @dataclass(frozen=True)
+class PlayerSettings:
+    """How much of a motion a page holds. A page stays below 5 MB with figures and a film.
+
+    Attributes:
+        rate_hz: poses per second; the player interpolates.
+        least_rate_hz: where poses take too many bytes, there are fewer per second, but at least so many;
+            then less time is kept.
+        pose_bytes: bytes of the poses of all gaits on a page; text makes a third more of them.
+        mesh_bytes: bytes of the meshes of one robot; where there are more, the meshes are made coarser.
+        most_shown: most gaits on a page.
+    """
+
+    rate_hz: float = 60.0
+    least_rate_hz: float = 20.0
+    pose_bytes: int = 1_200_000
+    mesh_bytes: int = 500_000
+    most_shown: int = 8
+
+
+@dataclass(frozen=True)
 class ReportSettings:
     """How pages look.
 
@@ -51,11 +71,13 @@ class ReportSettings:
         dpi: pixels per inch of a figure. A figure is 6 inches wide: 240 is enough for print.
         film_s: a film on a page shows whole cycles, one at least, that last about this long, s.
         film: how films look.
+        player: how much of a motion a page holds.
     """
 
     dpi: int = 240
     film_s: float = 3.0
     film: FilmSettings = FilmSettings()
+    player: PlayerSettings = PlayerSettings()
 
 
 DEFAULT = ReportSettings()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Generator, Iterable
 from fractions import Fraction
 from pathlib import Path
@@ -31,6 +32,19 @@ def write_mp4(path: Path, pictures: Iterable[Image.Image], fps: float) -> None:
             frame.pts, frame.time_base = index, Fraction(1, round(fps))
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
+
+
+def first_picture(path: Path) -> tuple[bytes, float]:
+    """Return the first picture of an MP4 file as a WebP, and its pictures per second."""
+    import av
+
+    with av.open(path) as container:
+        stream = container.streams.video[0]
+        fps = float(stream.average_rate or 0.0)
+        first = next(container.decode(stream)).to_ndarray(format="rgb24")
+    poster = io.BytesIO()
+    Image.fromarray(first).save(poster, format="WEBP", quality=60)
+    return poster.getvalue(), fps
 
 
 def write_loop(path: Path, pictures: Iterable[Image.Image], fps: float) -> None:

@@ -1,4 +1,4 @@
-"""A film on a page: its section, or a note that says why there is none."""
+"""A film or a player on a page: its section, or a note that says why there is none."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from pathlib import Path
 
 from gaitopt.core.text import one_line
 from gaitopt.report import settings as defaults
-from gaitopt.report.page import Section, image_section
+from gaitopt.report.film.encode import first_picture
+from gaitopt.report.page import Section, data_uri, rendered
 from gaitopt.report.settings import ReportSettings
 from gaitopt.runs.folder import write_into
 
@@ -29,14 +30,23 @@ def film_part(folder: Path, name: str, title: str, caption: str, write: Callable
         name: name of the film's file, without suffix.
         title: title of its section.
         caption: what to see in it.
-        write: simulates what is filmed, and writes a WebP to a path. If it fails, the page has a note instead
+        write: simulates what is filmed, and writes an MP4 to a path. If it fails, the page has a note instead
             of a film.
     """
     try:
-        path = write_into(folder, f"figures/{name}.webp", write)
+        path = write_into(folder, f"figures/{name}.mp4", write)
+        poster, fps = first_picture(path)
     except Exception as error:
         return FilmPart(notes=(f"No film: {one_line(error)}",))
-    return FilmPart(sections=(image_section(title, path.read_bytes(), "webp", caption),))
+    body = rendered(
+        "film.html",
+        title=title,
+        caption=caption,
+        film=data_uri(path.read_bytes(), "video/mp4"),
+        poster=data_uri(poster, "image/webp"),
+        fps=fps,
+    )
+    return FilmPart(sections=(Section(title, body=body, styles=["player.css"], scripts=["film.js"]),))
 
 
 def film_on_page_s(block_s: float, settings: ReportSettings | None = None) -> float:
