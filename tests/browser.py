@@ -66,14 +66,17 @@ class Tab:
         for domain in ("Page", "Runtime", "Log"):
             self.call(f"{domain}.enable")
         self.call(
-            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=False,
         )
         features = [{"name": name.replace("_", "-"), "value": value} for name, value in media.items()]
         self.call("Emulation.setEmulatedMedia", features=features)
         self.call("Page.navigate", url=path.resolve().as_uri())
-        self.value(
-            "new Promise(done => document.readyState === 'complete' ? done() : addEventListener('load', done))"
-        )
+        loaded = "document.readyState === 'complete' ? done() : addEventListener('load', done)"
+        self.value(f"new Promise(done => {loaded})")
         self.settled()
         return self
 
@@ -100,13 +103,17 @@ def browser_tab(*options: str) -> Generator[Tab]:
 
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         command = [CHROMIUM, "--headless=new", "--no-sandbox", "--remote-debugging-pipe", *options]
-        command += [f"--user-data-dir={profile}", "--no-first-run", "--disable-dev-shm-usage", "--hide-scrollbars"]
+        command += [
+            f"--user-data-dir={profile}",
+            "--no-first-run",
+            "--disable-dev-shm-usage",
+            "--hide-scrollbars",
+        ]
         process = subprocess.Popen(
             [*command, "about:blank"],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             preexec_fn=ends,
-            pass_fds=(3, 4) if False else (),
             close_fds=False,
         )
         os.close(to_browser[0])

@@ -55,7 +55,7 @@ def _page(
     shown = dict(zip(known, gaits, strict=True))
     simulator = Simulator.build(problem)
     trajectories = rollouts(simulator, shown)
-    caption = "The gaits on the nominal robot, from the start, on one clock: choose which two are shown."
+    caption = "The gaits on the nominal robot, from the start, on one clock. Choose which two are shown."
     player = player_part("The robot", caption, shown_takes(simulator, shown, trajectories))
     ways = ways_of(problem, shown, trajectories, _scenarios(problem, seed))
     return Page(

@@ -110,7 +110,7 @@ def way_picture(ways: Sequence[Way], problem: Problem, best: str | None = None) 
         "way": Picture(
             "The way from above",
             partial(from_above, ways, problem.roles, best=best),
-            "Where the marker goes, seen from above, with the same scale along and across. Thick: the nominal "
+            "The marker's way, seen from above, with one scale along and across. Thick: on the nominal "
             f"robot. Arrows show where the trunk points.{thin} A straight gait stays on the dotted line.",
         )
     }

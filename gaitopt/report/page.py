@@ -212,9 +212,12 @@ def save_figures(folder: Path, pictures: Mapping[str, Picture]) -> list[Section]
 
 def image_section(title: str, data: bytes, kind: str, caption: str) -> Section:
     """Return a section that shows an image file's content."""
-    return Section(
-        title, image=f"data:image/{kind};base64,{base64.b64encode(data).decode()}", caption=caption
-    )
+    return Section(title, image=data_uri(data, f"image/{kind}"), caption=caption)
+
+
+def data_uri(data: bytes, kind: str) -> str:
+    """Return a file's content as an address for a page; the kind is its media type."""
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
 
 
 def folded(section: Section) -> Section:

@@ -219,8 +219,8 @@ def _player(
     """Return the player of all gaits, the winner and the fastest baseline first."""
     ordered = _first_shown(summary, trajectories) | dict(trajectories)
     caption = (
-        "The optimised gait and the hand-tuned gaits on the nominal robot, from the start, on one clock: choose "
-        "which two are shown."
+        "The optimised gait and the hand-tuned gaits on the nominal robot, from the start, on one clock. "
+        "Choose which two are shown."
     )
     return player_part("The robot", caption, shown_takes(simulator, gaits, ordered))
 

@@ -71,7 +71,7 @@ def record(shown: Take, shapes: Shapes, rate_hz: float, seconds: float) -> Recor
 
 
 def _touching(model: mujoco.MjModel, data: mujoco.MjData, shapes: Shapes) -> NDArray[np.bool_]:
-    """Return which shapes touch something; a geom that is not drawn lends its contact to its body's shapes."""
+    """Return which shapes touch something; those of a body do where a hidden geom of it does."""
     pairs = data.contact.geom[data.contact.dist <= 0.0]
     geoms = {int(geom) for geom in pairs.ravel() if model.body_weldid[model.geom_bodyid[geom]] != 0}
     hidden = {int(model.geom_bodyid[geom]) for geom in geoms - set(shapes.geoms)}

@@ -184,7 +184,7 @@
     function draw() {
       asked = 0;
       const panes = state.beside ? [0, 1] : [0], wide = canvas.clientWidth, stacked = panes.length > 1 && wide < 560;
-      const high = 2 * Math.round(Math.min(440, panes.length === 1 || stacked ? 0.58 * wide : 0.36 * wide) * (stacked ? 1 : 0.5));
+      const high = 2 * Math.round(stacked ? 0.62 * wide : Math.min(220, (panes.length === 1 ? 0.29 : 0.18) * wide));
       canvas.style.height = `${high}px`;
       const dots = Math.min(2, devicePixelRatio || 1), [width, height] = [Math.round(wide * dots), Math.round(high * dots)];
       if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
@@ -208,10 +208,10 @@
     function describe(label, one) {
       const touching = one.touching(state.t), names = one.robot.shapes.filter((shape, i) => touching(i) && shape.body >= 0);
       const from = one.marker && one.row(one.marker, 0, 3), way = from && add(one.marked(state.t), from, -1);
-      const texts = [way && `forward ${length(dot(way, forward))}, left ${length(dot(way, left))}`];
-      const named = names.map(shape => shape.name).filter(Boolean);
-      texts.push(names.length ? `in touch: ${named.slice(0, 4).join(", ") || names.length}${named.length > 4 ? " …" : ""}` : "nothing in touch");
-      label.querySelector("[data-part=state]").textContent = texts.filter(Boolean).join(" · ");
+      label.querySelector("[data-part=state]").textContent = way ? `forward ${length(dot(way, forward))}, left ${length(dot(way, left))}` : "";
+      const named = names.map(shape => shape.name).filter(Boolean), more = named.length > 4 ? " …" : "";
+      label.querySelector("[data-part=touch]").textContent = names.length
+        ? `in touch: ${named.slice(0, 4).join(", ") || names.length}${more}` : "nothing in touch";
     }
 
     const redraw = () => { if (scene && !asked) asked = requestAnimationFrame(draw); };
