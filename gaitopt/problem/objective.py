@@ -65,6 +65,7 @@ class Objective(FileRecord):
         over_scenarios: how a gait is judged over its scenarios. By the ``mean``, limits hold for mean
             metrics. By the ``worst``, they hold in every scenario. By a quantile, at most this share of
             the scenarios may be worse, and may violate a limit.
+        limits_over_scenarios: the same for the limits alone, where they are to be judged in another way.
         wanted_speed_m_s: forward speed that is wanted, for the metrics of it, m/s.
         battery: the battery, for the distance per charge.
     """
@@ -74,12 +75,15 @@ class Objective(FileRecord):
     penalty: Positive = 1.0
     search_margin: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] = 0.0
     over_scenarios: Literal["mean", "worst"] | Quantile = "mean"
+    limits_over_scenarios: Literal["mean", "worst"] | Quantile | None = None
     wanted_speed_m_s: Positive | None = None
     battery: Battery | None = None
 
-    @field_validator("over_scenarios", mode="before")
+    @field_validator("over_scenarios", "limits_over_scenarios", mode="before")
     @classmethod
     def _is_a_rule(cls, value: Any) -> Any:
+        if value is None:
+            return None
         share = value.get("quantile") if isinstance(value, dict) and len(value) == 1 else None
         number = isinstance(share, (int, float)) and not isinstance(share, bool) and 0.0 <= share <= 0.5
         if not (number or value in ("mean", "worst") or isinstance(value, Quantile)):
@@ -94,6 +98,16 @@ class Objective(FileRecord):
     @property
     def worse_share(self) -> float | None:
         """Share of the scenarios that may be worse than a gait's cost says; None for the mean."""
-        if isinstance(self.over_scenarios, Quantile):
-            return self.over_scenarios.quantile
-        return 0.0 if self.over_scenarios == "worst" else None
+        return _worse_share(self.over_scenarios)
+
+    @property
+    def breaking_share(self) -> float | None:
+        """Share of the scenarios that may break a limit; None for limits on means."""
+        rule = self.limits_over_scenarios
+        return self.worse_share if rule is None else _worse_share(rule)
+
+
+def _worse_share(rule: str | Quantile) -> float | None:
+    if isinstance(rule, Quantile):
+        return rule.quantile
+    return 0.0 if rule == "worst" else None

@@ -95,10 +95,11 @@ def evaluate(
     if failed is not None:
         return Evaluation(FAILED_COST, mean_metrics(list(rows)), {}, failed)
     metrics = mean_metrics(list(rows))
-    share = objective.worse_share
-    judged = [metrics] if share is None else [mean_metrics([row]) for row in rows]
+    alone = [mean_metrics([row]) for row in rows]
+    share, breaking = objective.worse_share, objective.breaking_share
+    judged, limited = ([metrics] if one is None else alone for one in (share, breaking))
     violations = {
-        name: _over([_violation(limit, row[name], margin) for row in judged], share)
+        name: _over([_violation(limit, row[name], margin) for row in limited], breaking)
         for name, limit in objective.constraints.items()
     }
     cost = _over([sum(w * row[name] for name, w in objective.terms.items()) for row in judged], share)

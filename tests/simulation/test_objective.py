@@ -41,6 +41,16 @@ def test_the_cost_is_the_weighted_sum_of_mean_metrics(strider: Problem) -> None:
     assert evaluation.violations == {}
 
 
+def test_limits_may_have_a_rule_of_their_own(strider: Problem) -> None:
+    aims = {"terms": {"speed_m_s": -1.0}, "constraints": {"airtime": {"max": 0.2, "scale": 0.1}}}
+    rows = [row(strider, speed_m_s=0.1, airtime=0.0), row(strider, speed_m_s=0.3, airtime=0.3)]
+    together = evaluate(aiming(strider, **aims), rows, ["ok"] * 2)
+    each = evaluate(aiming(strider, **aims, limits_over_scenarios="worst"), rows, ["ok"] * 2)
+    assert together.constraints_met
+    assert each.violations["airtime"] == pytest.approx(1.0)
+    assert each.cost == pytest.approx(together.cost + 1.0)
+
+
 @given(st.floats(-1.0, 3.0))
 def test_a_violation_is_counted_in_its_scale(strider: Problem, value: float) -> None:
     limits = {"tilt_rad": {"min": 0.5, "max": 1.0, "scale": 0.25}}
