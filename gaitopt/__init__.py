@@ -18,12 +18,14 @@ if TYPE_CHECKING:
     from gaitopt.core.progress import OnProgress, Progress
     from gaitopt.diagnose.diagnosis import Diagnosis
     from gaitopt.diagnose.record.commands import read_commands
+    from gaitopt.diagnose.record.trial import Trial
     from gaitopt.diagnose.words import answer
     from gaitopt.export.handover import Choices, Exported
     from gaitopt.gait.drive import Drive
     from gaitopt.gait.gait import Channel, Gait, read_gait, write_gait
     from gaitopt.gait.logged import LoggedCommands
     from gaitopt.jobs.blind import MadeCases, blind_make, blind_score
+    from gaitopt.jobs.campaign import Campaign
     from gaitopt.jobs.check import audit, check
     from gaitopt.jobs.command import CommandTable, command
     from gaitopt.jobs.compare import compare
@@ -52,6 +54,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "NUMBERED",
+    "Campaign",
     "Channel",
     "Choices",
     "CommandTable",
@@ -82,6 +85,7 @@ __all__ = [
     "TrackOptions",
     "TrackRun",
     "Trajectory",
+    "Trial",
     "answer",
     "audit",
     "blind_make",
@@ -118,6 +122,7 @@ _HOMES = {
     ),
     "gaitopt.diagnose.diagnosis": ("Diagnosis",),
     "gaitopt.diagnose.record.commands": ("read_commands",),
+    "gaitopt.diagnose.record.trial": ("Trial",),
     "gaitopt.diagnose.words": ("answer",),
     "gaitopt.export.handover": (
         "Choices",
@@ -136,6 +141,7 @@ _HOMES = {
         "blind_make",
         "blind_score",
     ),
+    "gaitopt.jobs.campaign": ("Campaign",),
     "gaitopt.jobs.check": (
         "audit",
         "check",

@@ -41,6 +41,10 @@ class Stream(IntEnum):
     POSTERIOR_DRAWS = 46
     TIED_FIRST_BATCH = 50  # with the place of a template among the templates
     FREED_SEARCH = 51
+    CAMPAIGN_ROBOTS = 60
+    CAMPAIGN_SEARCH = 61  # with the number of a robot
+    CAMPAIGN_BELIEF = 62
+    CAMPAIGN_RIVALS = 63
 
 
 BLIND_FLOOR_SEED = 12345

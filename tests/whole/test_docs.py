@@ -18,6 +18,7 @@ from pathlib import Path
 import matplotlib
 import pytest
 from bench_runs import bench_run
+from campaigns import brief
 from helpers import brief_studies
 from phone import CLOSE, SMALL, shot
 from pictures import needs_opengl
@@ -31,6 +32,7 @@ from gaitopt.cli.commands import COMMANDS
 from gaitopt.cli.demo import demo_problem
 from gaitopt.core.files import write_text
 from gaitopt.jobs import blind
+from gaitopt.jobs.campaign import Campaign
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.rollout import Simulator
@@ -66,6 +68,8 @@ def lowered(command: str) -> str:
     """The command with a small budget: few gaits, one brief blind case, two effects."""
     if command.startswith("gaitopt diagnose"):
         command += " --effects ground_slope,camera_scale"
+    if command.startswith("gaitopt campaign new"):
+        command += f" --budget {BUDGET}"
     command = re.sub(r"--cases \d+", "--cases 1 --gaits square-1s --seconds 3", command)
     if re.match(r"gaitopt optimise(?!.*--resume)", command):
         command = re.sub(r"\s--budget \d+", "", command) + f" --budget {BUDGET} --quiet"
@@ -104,6 +108,15 @@ def film_of_a_robot(path: Path) -> None:
     write_text(path, f"mass_A\nt\tx\ty\n{rows}\n")
 
 
+def film_of_a_campaign(folder: Path, out: Path) -> None:
+    """Film the gait that a campaign proposes."""
+    campaign = Campaign(folder)
+    gait = campaign.next_gait
+    path = Simulator.build(campaign.problem).run(gait, duration=3.2 * gait.period_s)
+    dataset(out, {"film": ("gait.toml", recording_of(path, signals=("marker.x",)))})
+    shutil.copy(folder / campaign.next().gait, out / "gait.toml")
+
+
 def film_of_tags(path: Path, problem: Problem) -> None:
     """Film a tagged robot while its arch folds."""
     shot(path, stage_of(problem), walk(problem, "square-4s", 2.4), CLOSE, SMALL, seconds=1.25, begin=0.9)
@@ -117,8 +130,9 @@ def test_the_readmes_commands(quick: Problem) -> None:
     film_of_tags(Path("phone.mp4"), quick)
     found = readme()
     assert len(found) >= 15
-    for command in found:
-        execute(command)
+    with brief():
+        for command in found:
+            execute(command)
 
 
 @pytest.mark.slow
@@ -175,9 +189,12 @@ def test_the_examples_of_the_help(quick: Problem) -> None:
     assert all(command.startswith(name) for name, command in found.items())
     run_elsewhere = readme()
     first = [found["gaitopt import"], found["gaitopt new"]]
-    for command in dict.fromkeys([*first, *found.values()]):
-        if command not in run_elsewhere:
-            execute(command)
+    with brief():
+        execute(found["gaitopt campaign new"])
+        film_of_a_campaign(Path("walk"), Path("film-1"))
+        for command in dict.fromkeys([*first, *found.values()]):
+            if command not in run_elsewhere:
+                execute(command)
 
 
 def examples(commands: Sequence[Command], name: str) -> Iterator[tuple[str, str]]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from gaitopt.cli.command import Command
 from gaitopt.cli.commands import (
     blind,
+    campaign,
     check,
     command,
     compare,
@@ -40,6 +41,7 @@ COMMANDS: Sequence[Command] = (
     diagnose.COMMAND,
     correct.COMMAND,
     blind.COMMAND,
+    campaign.COMMAND,
     imports.COMMAND,
     tags.COMMAND,
     track.COMMAND,

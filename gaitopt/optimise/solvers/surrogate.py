@@ -52,7 +52,7 @@ def most_promising(
         circular: which coordinates are circular, shape (d,).
         settings: how candidates are judged.
     """
-    known, first = np.unique(_embedded(points, circular), axis=0, return_index=True)
+    known, first = np.unique(embedded(points, circular), axis=0, return_index=True)
     if len(known) <= points.shape[1]:
         return candidates[:count]
     ranks = rankdata(costs[first]) / len(first)
@@ -63,12 +63,12 @@ def most_promising(
         kernel="linear",
         smoothing=settings.smoothing,
         degree=0,
-    )(_embedded(candidates, circular))
+    )(embedded(candidates, circular))
     chosen: Point = candidates[np.argsort(predicted, kind="stable")[:count]]
     return chosen
 
 
-def _embedded(points: Point, circular: NDArray[np.bool_]) -> Point:
+def embedded(points: Point, circular: NDArray[np.bool_]) -> Point:
     """Return points in a space of true distances: each phase becomes a circle of diameter 0.64."""
     angle = 2.0 * np.pi * points[:, circular]
     box = points[:, ~circular].clip(0.0, 1.0)

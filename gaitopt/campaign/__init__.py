@@ -1,0 +1,1 @@
+"""A campaign: film a gait of the real robot, learn from the film, and choose the next one."""

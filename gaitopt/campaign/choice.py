@@ -1,0 +1,132 @@
+"""What to film next: what a film tells is weighed against walking with what is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaitopt.campaign.belief import Belief, Filmed
+from gaitopt.campaign.records import LEARN, WALK, Candidate, FilmRow, Speed, Step
+from gaitopt.campaign.robots import Walked
+from gaitopt.campaign.settings import CampaignSettings
+from gaitopt.campaign.speeds import Measured
+from gaitopt.gait.gait import Gait
+from gaitopt.gait.space import GaitSpace
+from gaitopt.optimise.solvers.surrogate import embedded
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the choice depends on.
+
+    Attributes:
+        space: the gait space.
+        gaits: the candidates by name.
+        films: number of the film of each gait that was proposed, by the gait's key.
+        walked: the candidates on the posterior's robots.
+        rows: what each film says.
+        measured: the speeds of the films; None before any.
+        causes, answer, notes: what the diagnosis says.
+        seed: seed of the draws.
+    """
+
+    space: GaitSpace
+    gaits: Mapping[str, Gait]
+    films: Mapping[str, int]
+    walked: Walked
+    rows: Sequence[FilmRow]
+    measured: Measured | None
+    causes: Sequence[str]
+    answer: str
+    notes: Sequence[str]
+    seed: int
+
+
+def choose(known: Known, recordings: int, settings: CampaignSettings) -> Step:
+    """Return the next film, the best gait, and what is still to gain.
+
+    Before any film, the next one is the gait of the highest expected speed. Afterwards it is the one whose
+    film is worth most, in mm/s of the best gait's expected speed. A campaign is done when no film is worth
+    more than the repeatability, and the best gait itself was filmed.
+
+    Args:
+        known: what it depends on.
+        recordings: how many recordings were told.
+        settings: see `CampaignSettings`.
+    """
+    gaits, measured = list(known.gaits.values()), known.measured
+    numbers = [known.films.get(gait.key) for gait in gaits]
+    points = embedded(np.array([known.space.encode(gait) for gait in gaits]), known.space.circular)
+    filmed, noise = _filmed(numbers, measured)
+    belief = Belief.of(known.walked.speeds, points, filmed, settings.belief)
+    breaks = known.walked.breaks.mean(axis=0)
+    safe = _safe(breaks, settings.most_breaking)
+    worth = [belief.film_is_worth(index, noise, safe) for index in range(len(gaits))]
+    best = max(safe, key=lambda index: (belief.mean[index], -index))
+    most = max(safe, key=lambda index: (worth[index], -index))
+    unseen = measured is None or numbers[best] not in measured.means
+    done = not unseen and worth[most] <= noise
+    chosen = best if measured is None or done or (unseen and worth[most] <= noise) else most
+    candidates = [
+        Candidate(
+            name=name,
+            period_s=gait.period_s,
+            channels=dict(gait.channels),
+            film=numbers[index],
+            breaks=float(breaks[index]),
+            safe=index in safe,
+            predicted_m_s=Speed.of(belief.expected(index, noise)),
+            film_is_worth_m_s=worth[index],
+        )
+        for index, (name, gait) in enumerate(known.gaits.items())
+    ]
+    gain = belief.still_to_gain(best, safe, known.seed, settings.belief.draws)
+    return Step(
+        recordings=recordings,
+        films=tuple(known.rows),
+        causes=tuple(known.causes),
+        answer=known.answer,
+        notes=(*known.notes, *_risky(breaks, safe, settings.most_breaking)),
+        candidates=tuple(candidates),
+        next=chosen,
+        best=best,
+        purpose=WALK if chosen == best and measured is not None else LEARN,
+        film_is_worth_m_s=worth[chosen],
+        repeatability_m_s=None if measured is None else noise,
+        discrepancy_m_s=belief.size_m_s,
+        still_to_gain_m_s=Speed.of(gain),
+        done=done,
+    )
+
+
+def _filmed(numbers: Sequence[int | None], measured: Measured | None) -> tuple[Filmed, float]:
+    """Return the measured speeds of the candidates, and the standard deviation of one film's, m/s."""
+    if measured is None:
+        return Filmed(np.empty(0, dtype=int), np.empty(0), np.empty(0)), 0.0
+    indices = [index for index, number in enumerate(numbers) if number in measured.means]
+    own = [number for number in numbers if number is not None and number in measured.means]
+    noise = measured.repeatability_m_s
+    return (
+        Filmed(
+            np.array(indices, dtype=int),
+            np.array([measured.means[number] for number in own]),
+            np.array([noise**2 / measured.counts[number] for number in own]),
+        ),
+        noise,
+    )
+
+
+def _safe(breaks: np.ndarray, most: float) -> list[int]:
+    """Return the gaits that break limits on few robots; where there are none, those that do on the fewest."""
+    limit = max(most, float(breaks.min()))
+    return np.flatnonzero(breaks <= limit + 1e-9).tolist()
+
+
+def _risky(breaks: np.ndarray, safe: Sequence[int], most: float) -> list[str]:
+    """Return that no gait is safe, where none is."""
+    least = float(breaks[list(safe)].min())
+    if least <= most + 1e-9:
+        return []
+    return [f"Every gait is expected to break a limit on some robots; this one does so on {least:.0%}."]

@@ -1,0 +1,104 @@
+"""Rivals of a campaign: methods that film the same robot without what it knows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from gaitopt.campaign.gaussian_process import Conditioned
+from gaitopt.campaign.settings import BELIEF, BeliefSettings
+from gaitopt.core.streams import Stream, generator
+from gaitopt.gait.gait import Gait
+from gaitopt.gait.space import GaitSpace
+from gaitopt.optimise.quasi_random import quasi_random
+from gaitopt.optimise.solvers.surrogate import embedded
+
+_OFFERED = 1024
+"""Gaits all over the space of which the next one is chosen, and as many near the best one."""
+
+_NEAR = 0.1
+"""Standard deviation of the latter about the best one, in units of the space."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A gait that a rival filmed.
+
+    Attributes:
+        gait: the gait.
+        speed_m_s: its measured speed, m/s.
+    """
+
+    gait: Gait
+    speed_m_s: float
+
+
+def bayesian_optimisation(
+    space: GaitSpace,
+    starts: Sequence[Gait],
+    measure: Callable[[Gait], float],
+    films: int,
+    seed: int,
+    settings: BeliefSettings = BELIEF,
+) -> list[Tried]:
+    """Film gaits by Bayesian optimisation on the robot, without a simulator.
+
+    A Gaussian process of the measured speed alone, with the length scale of the campaign's discrepancy, and
+    expected improvement: Jones, Schonlau and Welch, "Efficient Global Optimization of Expensive Black-Box
+    Functions", Journal of Global Optimization 13 (1998).
+
+    Args:
+        space: the gait space.
+        starts: gaits that are known by hand, filmed first, at most as many as half of the films.
+        measure: films a gait and returns its speed, m/s.
+        films: how many films.
+        seed: seed of the gaits on offer.
+        settings: see `BeliefSettings`.
+    """
+    tried: list[Tried] = []
+    for number in range(films):
+        if number < min(len(starts), max(1, films // 2)):
+            gait = starts[number]
+        else:
+            gait = _next(space, tried, seed, number, settings)
+        tried.append(Tried(gait, measure(gait)))
+    return tried
+
+
+def _next(space: GaitSpace, tried: Sequence[Tried], seed: int, number: int, settings: BeliefSettings) -> Gait:
+    """Return the gait of highest expected improvement of those on offer."""
+    offered = quasi_random(space, _OFFERED, seed, Stream.CAMPAIGN_RIVALS, number)
+    if not tried:
+        return space.decode(offered[0], f"film-{number + 1}")
+    rng = generator(seed, Stream.CAMPAIGN_RIVALS, number, 1)
+    at = np.array([space.encode(one.gait) for one in tried])
+    speeds = np.array([one.speed_m_s for one in tried])
+    near = at[speeds.argmax()] + _NEAR * rng.standard_normal((_OFFERED, at.shape[1]))
+    points = np.vstack([offered, np.array([space.wrap(point) for point in near])])
+    chosen = int(_improvement(points, at, speeds, space.circular, settings).argmax())
+    return space.decode(points[chosen], f"film-{number + 1}")
+
+
+def _improvement(
+    points: NDArray[np.float64],
+    at: NDArray[np.float64],
+    speeds: NDArray[np.float64],
+    circular: NDArray[np.bool_],
+    settings: BeliefSettings,
+) -> NDArray[np.float64]:
+    """Return by how much each point is expected to beat the best speed so far, m/s, shape (n,)."""
+    scale = max(float(speeds.std()), settings.size * float(np.abs(speeds).max()), 1e-6)
+    noise = np.full(len(at), (settings.repeatability * float(np.abs(speeds).max())) ** 2)
+    wanted, known = embedded(points, circular), embedded(at, circular)
+    length = settings.length * math.sqrt(wanted.shape[1])
+    process = Conditioned.of(wanted, known, noise, scale**2, length)
+    mean = speeds.mean() + process.gain @ (speeds - speeds.mean())
+    deviation = np.maximum(process.deviation, 1e-9)
+    above = (mean - speeds.max()) / deviation
+    found: NDArray[np.float64] = deviation * (above * stats.norm.cdf(above) + stats.norm.pdf(above))
+    return found

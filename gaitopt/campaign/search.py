@@ -1,0 +1,109 @@
+"""Gaits that may be worth a film: the best for all robots of the posterior, and for some of them alone."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+from gaitopt.campaign.robots import evaluator_on, judged_by, own_scenarios, safer
+from gaitopt.campaign.settings import CampaignSettings
+from gaitopt.core.progress import OnProgress, Progress
+from gaitopt.core.streams import Stream, generator
+from gaitopt.core.versions import versions_text
+from gaitopt.effects.active import EffectValues
+from gaitopt.gait.gait import Gait
+from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
+from gaitopt.optimise.recorder import SearchProgress
+from gaitopt.optimise.stages import DEFAULT_METHOD
+from gaitopt.optimise.study import Start, Study
+from gaitopt.optimise.verification import evenly
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation.scenario import Scenario
+
+ROBUST = "robust"
+"""Name of the best gait for the robots together; further ones have a number behind."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """The searches of one step.
+
+    Attributes:
+        problem: the nominal problem.
+        robots: robots drawn from the posterior.
+        folder: where their journals are, so that a killed step continues.
+        budget: gaits of all searches together, as `SearchShares` divides them.
+        quantile: the speed of a gait is the one that this share of the robots does not reach; None for as
+            the problem file says, by default their mean.
+        seed: seed of the step.
+        settings: see `CampaignSettings`.
+    """
+
+    problem: Problem
+    robots: Sequence[EffectValues]
+    folder: Path
+    budget: int
+    quantile: float | None
+    seed: int
+    settings: CampaignSettings
+
+    def candidates(
+        self, known: Mapping[str, Gait], executor: Executor, on_progress: OnProgress
+    ) -> dict[str, Gait]:
+        """Return the gaits that were found, by name; every search is warm from gaits that are known.
+
+        Args:
+            known: gaits to start from: those that were filmed, the last winners, and the baselines.
+            executor: where the rollouts run.
+            on_progress: called as each batch ends.
+        """
+        shares = self.settings.search
+        robust = safer(judged_by(self.problem, self.quantile), self.settings.most_breaking)
+        scenarios = own_scenarios(self.problem, self.robots, self.seed, shares.robots, errors=False)
+        stage = _stage(on_progress, "searching a gait for all robots")
+        budget = round(shares.robust * self.budget)
+        entries = self._searched(robust, scenarios, budget, list(known.values()), 0, executor, stage)
+        best = _distinct(entries, shares.kept)
+        found = {ROBUST if not rank else f"{ROBUST}-{rank + 1}": gait for rank, gait in enumerate(best)}
+        for number, robot in enumerate(evenly(self.robots, shares.own_robots), 1):
+            stage = _stage(on_progress, f"searching a gait for robot {number} of {shares.own_robots}")
+            scenario = own_scenarios(self.problem, [robot], self.seed + number, 1, errors=False)
+            starts, budget = [*best, *known.values()], round(shares.own * self.budget)
+            own = self._searched(self.problem, scenario, budget, starts, number, executor, stage)
+            found |= {f"robot-{number}": gait for gait in _distinct(own, 1)}
+        return found
+
+    def _searched(
+        self,
+        problem: Problem,
+        scenarios: Sequence[Scenario],
+        budget: int,
+        starts: Sequence[Gait],
+        number: int,
+        executor: Executor,
+        on_progress: Callable[[SearchProgress], None],
+    ) -> list[Entry]:
+        """Search for robots from known gaits, and return every evaluation."""
+        evaluator = evaluator_on(problem, scenarios, executor, problem.objective.search_margin)
+        key = repr((versions_text(), evaluator.setup.key, budget, self.seed, [one.key for one in starts]))
+        digest = hashlib.sha256(key.encode()).hexdigest()
+        journal = Journal(self.folder / f"search-{number}.csv", problem, digest)
+        seed = int(generator(self.seed, Stream.CAMPAIGN_SEARCH, number).integers(2**31))
+        study = Study(evaluator, journal, max(1, budget), seed, on_progress, self.settings.search.study)
+        costs = [one.evaluation.cost for one in evaluator(starts)]
+        pairs = zip(starts, costs, strict=True)
+        study.run(DEFAULT_METHOD, [Start(gait, cost) for gait, cost in pairs])
+        return study.entries
+
+
+def _distinct(entries: Sequence[Entry], count: int) -> list[Gait]:
+    """Return the gaits of lowest cost that did not fail."""
+    good = [one for one in ranked(at_rung(entries)) if one.evaluation.status == "ok"]
+    return list({one.gait.key: one.gait for one in good[: 4 * count]}.values())[:count]
+
+
+def _stage(on_progress: OnProgress, stage: str) -> Callable[[SearchProgress], None]:
+    return lambda step: on_progress(Progress(stage, step.done, step.total, "gaits"))

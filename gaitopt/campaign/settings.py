@@ -1,0 +1,89 @@
+"""Settings of a campaign that no option of the command line sets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from gaitopt.optimise.study import StudySettings
+
+
+@dataclass(frozen=True)
+class SearchShares:
+    """What a step spends the budget of gaits on.
+
+    A gait costs as many rollouts as there are robots to judge it. With a budget of 160 these shares are
+    some 900 rollouts, of which half are for the robust gait.
+
+    Attributes:
+        robots: robots of the posterior that judge each gait of the robust search.
+        robust: share of the budget for the robust search.
+        own_robots: robots of the posterior that a gait of its own is searched for.
+        own: share of the budget for each of these searches; a gait there costs one rollout.
+        kept: best gaits of the robust search that are candidates.
+        study: how the searches work.
+    """
+
+    robots: int = 6
+    robust: float = 0.5
+    own_robots: int = 4
+    own: float = 0.25
+    kept: int = 3
+    study: StudySettings = field(default_factory=StudySettings)
+
+
+@dataclass(frozen=True)
+class BeliefSettings:
+    """What is expected where nothing was filmed yet.
+
+    Attributes:
+        length: length scale of the discrepancy between measured and predicted speed, in units of the gait
+            space, times the root of its number of coordinates. It is the mode of the prior of Hvarfner,
+            Hellsten and Nardi, "Vanilla Bayesian Optimization Performs Great in High Dimensions" (2024),
+            arXiv:2402.02229: log-normal about sqrt(2) + log(d) / 2, of standard deviation sqrt(3).
+        size: standard deviation of the discrepancy before any film, as a share of the highest predicted
+            speed. Assumed: predictions of gaits that were not filmed are often a tenth off, and at times a
+            third.
+        evidence: films that the assumed size counts for beside the real ones.
+        repeatability: least standard deviation of the speed of a gait that is filmed again, as a share of the
+            speed. Assumed: a floor and a battery are never twice the same.
+        confirmed: the speed of a recording that fits no explanation counts where another recording of the
+            same gait differs by no more than this share of the faster one.
+        draws: joint draws of all speeds, for what there is still to gain.
+    """
+
+    length: float = 0.205
+    size: float = 0.15
+    evidence: float = 2.0
+    repeatability: float = 0.01
+    confirmed: float = 0.15
+    draws: int = 2000
+
+
+BELIEF = BeliefSettings()
+
+
+@dataclass(frozen=True)
+class CampaignSettings:
+    """How a campaign works.
+
+    Attributes:
+        robots: robots of the posterior over which each candidate is predicted.
+        most_breaking: a gait is filmed only if it breaks a limit on at most this share of them.
+        prior_effects: effects that a robot has beside the nominal ones before any film. Assumed: one or two
+            large ones, as in trials of real robots.
+        diagnosed_s: length of all films together that is diagnosed, s: a diagnosis simulates six hundred
+            robots, each as long.
+        search: how gaits are searched.
+        belief: what is expected where nothing was filmed.
+    """
+
+    robots: int = 20
+    most_breaking: float = 0.1
+    prior_effects: tuple[int, int] = (1, 2)
+    diagnosed_s: float = 8.0
+    search: SearchShares = field(default_factory=SearchShares)
+    belief: BeliefSettings = BELIEF
+
+
+DEFAULT = CampaignSettings()
+"""What a campaign uses where no settings are given; tests of the command line set it to less work."""

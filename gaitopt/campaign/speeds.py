@@ -1,0 +1,144 @@
+"""The speed that a film shows, and how far the speed of a gait that is filmed again would be off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaitopt.core.errors import GaitoptError
+from gaitopt.diagnose.record.cleaning import clean
+from gaitopt.diagnose.record.trial import Series, Trial
+from gaitopt.gait.gait import Gait
+from gaitopt.robot.roles import Roles
+from gaitopt.robot.signals import MARKER
+
+_SKIPPED_FROM = 3
+"""The first cycle is left out where at least so many are there: the robot starts from rest in it."""
+
+
+@dataclass(frozen=True)
+class FilmedSpeed:
+    """The speed in one film.
+
+    Attributes:
+        mean_m_s: mean forward speed over whole cycles, m/s.
+        error_m_s: standard error of that mean by the spread of the cycles, m/s; NaN for one cycle.
+        cycles: how many cycles count.
+    """
+
+    mean_m_s: float
+    error_m_s: float
+    cycles: int
+
+
+def filmed_speed(trial: Trial, roles: Roles) -> FilmedSpeed:
+    """Return the forward speed of a recording of a gait.
+
+    Each sample is compared with where the robot was one period later, so that what happens within a cycle
+    does not count.
+
+    Raises:
+        GaitoptError: forward motion was not measured, or for less than two cycles.
+    """
+    if not isinstance(trial.drive, Gait):
+        raise GaitoptError(f"trial {trial.name}: found logged commands; allowed: a gait of the campaign")
+    time, forward = _forward(clean(trial).trial, roles)
+    period = trial.drive.period_s
+    if trial.starts_at_s is not None:  # what the camera saw before the gait began
+        walking = time + trial.starts_at_s >= 0.0
+        time, forward = time[walking], forward[walking]
+    count = int((time[-1] - time[0]) / period + 1e-6) if len(time) else 0
+    if count < 1:
+        raise GaitoptError(f"trial {trial.name}: found less than one cycle of {period:g} s; allowed: two")
+    starts = time[time <= time[-1] - period * (1.0 - 1e-9)]
+    moved = np.interp(starts + period, time, forward) - forward[: len(starts)]
+    cycle = ((starts - time[0]) / period).astype(int)
+    speeds = [float(moved[cycle == n].mean()) / period for n in range(count) if (cycle == n).any()]
+    if len(speeds) >= _SKIPPED_FROM:
+        speeds = speeds[1:]
+    spread = float(np.std(speeds, ddof=1)) / math.sqrt(len(speeds)) if len(speeds) > 1 else math.nan
+    return FilmedSpeed(float(np.mean(speeds)), spread, len(speeds))
+
+
+def _forward(trial: Trial, roles: Roles) -> tuple[Series, Series]:
+    """Return time stamps, s, and how far the marker is forward, m, both of shape (n,)."""
+    needed = {
+        name: share for name, share in zip(MARKER, roles.axes[0].tolist(), strict=True) if abs(share) > 1e-9
+    }
+    missing = [name for name in needed if name not in trial.signals]
+    if missing:
+        raise GaitoptError(f"trial {trial.name}: no {missing[0]}; a campaign needs the motion forward")
+    used = np.logical_and.reduce([trial.used[name] for name in needed])
+    time, first = np.unique(trial.time[used], return_index=True)
+    total = sum(share * trial.signals[name][used] for name, share in needed.items())
+    return time, np.asarray(total, dtype=float)[first]
+
+
+def confirmed(
+    films: Sequence[tuple[int, str, FilmedSpeed]], odd: Sequence[str], within: float
+) -> list[tuple[int, FilmedSpeed]]:
+    """Return the recordings whose speed counts.
+
+    One that fits no explanation of the others may be a slip, or of another robot; or no effect explains what
+    the robot does. It counts where it is not alone: another recording of the same film has the same speed.
+
+    Args:
+        films: number of the film, name and speed of each recording.
+        odd: names of those that fit no explanation.
+        within: share of the faster one that two of the same speed may differ by.
+    """
+
+    def alike(one: FilmedSpeed, other: FilmedSpeed) -> bool:
+        speeds = one.mean_m_s, other.mean_m_s
+        return abs(speeds[0] - speeds[1]) <= within * max(map(abs, speeds))
+
+    return [
+        (number, speed)
+        for number, name, speed in films
+        if name not in odd
+        or any(
+            number == another and name != repeat and alike(speed, its_speed)
+            for another, repeat, its_speed in films
+        )
+    ]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What films say of the speed of the gaits.
+
+    Attributes:
+        means: mean speed over the films of each gait, m/s, by the film's number.
+        counts: films of each.
+        repeatability_m_s: standard deviation of the speed of one film of a gait that is filmed again, m/s.
+    """
+
+    means: Mapping[int, float]
+    counts: Mapping[int, int]
+    repeatability_m_s: float
+
+    @staticmethod
+    def of(films: Sequence[tuple[int, FilmedSpeed]], least: float) -> Measured:
+        """Return what films say.
+
+        Repeats show the repeatability; until there are many, the spread of the cycles counts as much as one
+        repeat does.
+
+        Args:
+            films: number of the gait's film, and the speed, of each recording.
+            least: smallest repeatability, as a share of the highest speed.
+        """
+        speeds: dict[int, list[float]] = {}
+        for number, one in films:
+            speeds.setdefault(number, []).append(one.mean_m_s)
+        errors = [one.error_m_s for _, one in films if math.isfinite(one.error_m_s)]
+        cycles = float(np.median(errors)) ** 2 if errors else 0.0
+        apart = sum(float(np.sum((np.array(own) - np.mean(own)) ** 2)) for own in speeds.values())
+        freedom = sum(len(own) - 1 for own in speeds.values())
+        spread = math.sqrt((cycles + apart) / (1.0 + freedom))
+        floor = least * max((abs(float(np.mean(own))) for own in speeds.values()), default=0.0)
+        means = {number: float(np.mean(own)) for number, own in speeds.items()}
+        return Measured(means, {number: len(own) for number, own in speeds.items()}, max(spread, floor))

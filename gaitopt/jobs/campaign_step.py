@@ -1,0 +1,236 @@
+"""One step of a campaign: films are diagnosed together, gaits searched, and the next one is chosen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gaitopt.campaign.choice import Known, choose
+from gaitopt.campaign.records import FilmRow, Step
+from gaitopt.campaign.robots import own_scenarios, prior_robots, walked
+from gaitopt.campaign.search import Search
+from gaitopt.campaign.settings import CampaignSettings
+from gaitopt.campaign.speeds import Measured, confirmed, filmed_speed
+from gaitopt.core.errors import GaitoptError
+from gaitopt.core.progress import OnProgress, Progress
+from gaitopt.diagnose.diagnosis import DiagnosisRequest
+from gaitopt.diagnose.record.dataset import WHOLE_CYCLES, DataSet
+from gaitopt.diagnose.record.trial import Trial
+from gaitopt.effects.active import EffectValues
+from gaitopt.gait.gait import Gait
+from gaitopt.jobs.diagnose import Question, answered_into, is_finished
+from gaitopt.jobs.optimise import optimise
+from gaitopt.problem.instruments import measurable_signals
+from gaitopt.problem.model import carrying
+from gaitopt.problem.problem import Problem
+from gaitopt.runs.campaign_folder import CampaignFolder
+from gaitopt.runs.diagnosis_folder import read_diagnosis
+from gaitopt.runs.folder import POSTERIOR_FILE, held
+from gaitopt.runs.folder import REQUEST_FILE as RUN_FILE
+from gaitopt.runs.posterior import read_robots
+from gaitopt.runs.run_folder import BEST_FILE
+from gaitopt.simulation.rollout import Simulator
+
+_MORE_THAN_CYCLES = 0.1
+"""A film that is shortened keeps this much more than the cycles that a diagnosis needs."""
+
+_DIAGNOSIS = "diagnosis"
+_NOMINAL = "nominal"
+
+
+@dataclass(frozen=True)
+class StepWork:
+    """The work of one step. Its parts are kept in its folder, so that a step that was killed goes on.
+
+    Attributes:
+        folder: the campaign.
+        number: how many tellings are known to it.
+        executor: where rollouts run.
+        on_progress: called as it goes on.
+        settings: see `CampaignSettings`.
+    """
+
+    folder: CampaignFolder
+    number: int
+    executor: Executor
+    on_progress: OnProgress
+    settings: CampaignSettings
+
+    def done(self) -> Step:
+        """Return the result of the step."""
+        problem = carrying(self.folder.problem)
+        return self._first(problem) if self.number == 0 else self._later(problem)
+
+    @staticmethod
+    def known_robot(folder: CampaignFolder) -> Problem:
+        """Return the problem of a robot of the last posterior; the nominal one before any film."""
+        robots, _ = _last_posterior(folder, folder.tellings, folder.problem)
+        return folder.problem.as_robot(robots[0]) if robots else folder.problem
+
+    def _first(self, problem: Problem) -> Step:
+        """Search on the nominal robot, and try what it finds on robots as they are plausible."""
+        run = self.folder.step_folder(0) / _NOMINAL
+        request = self.folder.request
+        if (run / RUN_FILE).is_file():
+            optimise(resume=run, executor=self.executor, on_progress=self.on_progress)
+        else:
+            budget, seed = request.budget, request.seed
+            optimise(
+                problem,
+                budget=budget,
+                seed=seed,
+                out=run,
+                executor=self.executor,
+                on_progress=self.on_progress,
+            )
+        winner = replace(problem.find_gait(str(run / BEST_FILE)), name=_NOMINAL)
+        gaits = _distinct({_NOMINAL: winner, **problem.baselines})
+        settings = self.settings
+        robots = prior_robots(problem, settings.robots, settings.prior_effects, request.seed)
+        return self._chosen(problem, gaits, robots, errors=True)
+
+    def _later(self, problem: Problem) -> Step:
+        """Learn from all films, and search again over the posterior."""
+        films = self.folder.trials(self.number, measurable_signals(problem))
+        robots, told = self._diagnosed(problem, films)
+        before = self.folder.step(self.number - 1)
+        filmed = {f"film {number}": gait for number, gait in self.folder.gaits.items()}
+        last = [before.candidates[index] for index in (before.best, before.next)] if before else []
+        known = filmed | {f"last {one.name.removeprefix('last ')}": one.gait for one in last}
+        starts = _distinct({**known, **problem.baselines})
+        search = Search(
+            problem,
+            robots,
+            self.folder.step_folder(self.number),
+            self.folder.request.budget,
+            self.folder.request.quantile,
+            self._seed,
+            self.settings,
+        )
+        found = search.candidates(starts, self.executor, self.on_progress)
+        gaits = _distinct({**known, **found, **problem.baselines})
+        return self._chosen(problem, gaits, robots, errors=False, films=films, told=told)
+
+    @property
+    def _seed(self) -> int:
+        return 1000 * self.folder.request.seed + self.number
+
+    def _chosen(
+        self,
+        problem: Problem,
+        gaits: Mapping[str, Gait],
+        robots: Sequence[EffectValues],
+        errors: bool,
+        films: Sequence[tuple[int, Trial]] = (),
+        told: Mapping[str, object] | None = None,
+    ) -> Step:
+        """Walk the candidates on the robots, and choose."""
+        self.on_progress(Progress("trying gaits on the robots that are possible"))
+        scenarios = own_scenarios(problem, robots, self._seed, self.settings.robots, errors)
+        speeds = walked(problem, list(gaits.values()), scenarios, self.executor)
+        told = told or {}
+        odd = _names(told.get("misfit_trials"))
+        each = [(number, trial.name, filmed_speed(trial, problem.roles)) for number, trial in films]
+        counted = confirmed(each, odd, self.settings.belief.confirmed)
+        measured = Measured.of(counted, self.settings.belief.repeatability) if counted else None
+        known = Known(
+            space=problem.space,
+            gaits=gaits,
+            films={gait.key: number for number, gait in self.folder.gaits.items()},
+            walked=speeds,
+            rows=_rows(films, odd, measured),
+            measured=measured,
+            causes=_names(told.get("causes")),
+            answer=str(told.get("answer", "")),
+            notes=[
+                f"{name} fits no explanation of the other films: a slip, or another robot? Its speed counts "
+                "if another recording of that film shows the same."
+                for name in odd
+            ]
+            + _names(told.get("notes")),
+            seed=self._seed,
+        )
+        return choose(known, len(films), self.settings)
+
+    def _diagnosed(
+        self, problem: Problem, films: Sequence[tuple[int, Trial]]
+    ) -> tuple[Sequence[EffectValues], Mapping[str, object]]:
+        """Diagnose all films together; return robots of the posterior, and what the diagnosis says."""
+        run = self.folder.step_folder(self.number) / _DIAGNOSIS
+        run.mkdir(exist_ok=True)
+        try:
+            if not is_finished(run):
+                trials = tuple(shortened([trial for _, trial in films], self.settings.diagnosed_s))
+                dataset = DataSet(Path("told"), trials)
+                robot = Simulator.build(problem.observing(dataset.sites))
+                request = DiagnosisRequest(self.folder.request.seed, None, next_gait=False)
+                question = Question(robot, dataset, request)
+                with held(run):
+                    answered_into(run, question, self.executor, self.on_progress, corrected=False)
+        except GaitoptError as error:  # of the data: what was known before is still known
+            robots, told = _last_posterior(self.folder, self.number - 1, problem)
+            settings = self.settings
+            seed = self.folder.request.seed
+            robots = robots or prior_robots(problem, settings.robots, settings.prior_effects, seed)
+            return robots, {**told, "notes": [f"These films could not be diagnosed: {error}"]}
+        finished = read_diagnosis(run)
+        assert finished is not None
+        return read_robots(run / POSTERIOR_FILE, problem), finished.content
+
+
+def shortened(trials: Sequence[Trial], seconds: float) -> list[Trial]:
+    """Return recordings cut short, so that a diagnosis of many of them takes no longer than of one.
+
+    What is simulated is as long as the longest recording of each gait. Speeds are measured over whole films.
+
+    Args:
+        trials: recordings of gaits.
+        seconds: length in all, each gait once, s; each keeps a little more than two cycles.
+    """
+    share = seconds / max(1, len({trial.drive.key for trial in trials}))
+    short = []
+    for trial in trials:
+        least = (WHOLE_CYCLES + _MORE_THAN_CYCLES) * (trial.drive.period_s or math.inf)
+        keep = trial.time <= trial.time[0] + max(share, least)
+        kept = {name: series[keep] for name, series in trial.signals.items()}
+        used = {name: flags[keep] for name, flags in trial.used.items()}
+        whole = all(flags.sum() > 0.5 * keep.sum() for flags in used.values())
+        short.append(replace(trial, time=trial.time[keep], signals=kept, used=used) if whole else trial)
+    return short
+
+
+def _last_posterior(
+    folder: CampaignFolder, number: int, problem: Problem
+) -> tuple[Sequence[EffectValues], Mapping[str, object]]:
+    """Return the robots of the last diagnosis up to a step, and what it says; nothing where there is none."""
+    for one in range(number, 0, -1):
+        run = folder.path / "steps" / f"{one:02d}" / _DIAGNOSIS
+        if is_finished(run) and (finished := read_diagnosis(run)):
+            return read_robots(run / POSTERIOR_FILE, problem), finished.content
+    return (), {}
+
+
+def _distinct(gaits: Mapping[str, Gait]) -> dict[str, Gait]:
+    """Return gaits without those that command the same as an earlier one."""
+    first: dict[str, str] = {}
+    for name, gait in gaits.items():
+        first.setdefault(gait.key, name)
+    return {name: replace(gaits[name], name=name) for name in first.values()}
+
+
+def _names(values: object) -> list[str]:
+    return [str(value) for value in values] if isinstance(values, (list, tuple, dict)) else []
+
+
+def _rows(films: Sequence[tuple[int, Trial]], odd: Sequence[str], measured: Measured | None) -> list[FilmRow]:
+    """Return what each film says."""
+    rows = []
+    for film in sorted({number for number, _ in films}):
+        own = [trial.name for number, trial in films if number == film]
+        speed = None if measured is None else measured.means.get(film)
+        misfits = sum(name in odd for name in own)
+        rows.append(FilmRow(film=film, measured_speed_m_s=speed, recordings=len(own), misfits=misfits))
+    return rows

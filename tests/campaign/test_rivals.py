@@ -1,0 +1,22 @@
+"""Bayesian optimisation on a robot, without a simulator."""
+
+import numpy as np
+
+from gaitopt.campaign.rivals import bayesian_optimisation
+from gaitopt.gait.gait import Gait
+from gaitopt.problem.problem import Problem
+
+
+def test_it_films_gaits_known_by_hand_and_then_better_ones(strider: Problem) -> None:
+    space = strider.space
+    goal = np.full(len(space.variables), 0.4)
+
+    def measure(gait: Gait) -> float:
+        return 0.1 * float(np.exp(-2.0 * np.sum((space.encode(gait) - goal) ** 2)))
+
+    starts = list(strider.baselines.values())
+    tried = bayesian_optimisation(space, starts, measure, 12, 1)
+    again = bayesian_optimisation(space, starts, measure, 12, 1)
+    assert [one.gait.key for one in tried] == [one.gait.key for one in again]
+    assert [one.gait for one in tried[:2]] == starts
+    assert max(one.speed_m_s for one in tried) > 1.2 * max(one.speed_m_s for one in tried[:2])

@@ -1,0 +1,206 @@
+"""The loop on the real robot: what it writes, and what wrong, late and repeated films do to it."""
+
+from __future__ import annotations
+
+import random
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from campaigns import begun, brief, content, told_twice, walker
+from helpers import STRIDER, still
+
+from gaitopt.core.errors import GaitoptError
+from gaitopt.jobs.campaign import Campaign
+from gaitopt.jobs.outputs import Stopped
+from gaitopt.problem.problem import load_problem
+
+
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign before its first film."""
+    folder = tmp_path_factory.mktemp("campaign") / "walk"
+    with brief():
+        begun(folder)
+    return folder
+
+
+@pytest.fixture
+def campaign(fresh: Path, tmp_path: Path) -> Campaign:
+    """A copy of it."""
+    import shutil
+
+    folder = tmp_path / "walk"
+    shutil.copytree(fresh, folder)
+    return Campaign(folder, executor="serial")
+
+
+def test_the_next_film_has_the_keys_of_the_contract(campaign: Campaign) -> None:
+    found = campaign.next().to_dict()
+    assert {"film", "gait", "player", "purpose", "predicted_speed_m_s", "done"} <= set(found)
+    assert (found["film"], found["gait"], found["purpose"]) == (1, "films/01/gait.toml", "learn")
+    assert found["player"] == "films/01/player"
+    assert not found["done"]
+    assert set(found["predicted_speed_m_s"]) == {"mean", "ci90"}
+    assert (campaign.path / "films/01/gait.toml").is_file()
+    assert list((campaign.path / "films/01/player").iterdir())
+    assert (campaign.path / "campaign.html").is_file()
+
+
+def test_a_film_is_measured_and_the_next_one_proposed(campaign: Campaign) -> None:
+    with brief():
+        told = campaign.tell(walker()(campaign.next_gait)).to_dict()
+    assert {"films", "best", "still_to_gain", "causes", "done"} <= set(told)
+    assert {"gait", "measured_speed_m_s", "predicted_speed_m_s"} <= set(told["best"])
+    first = told["films"][0]
+    assert {"film", "gait", "predicted_speed_m_s", "measured_speed_m_s"} <= set(first)
+    gait = campaign._folder.gaits[1]
+    path = walker().walk(gait, 3.0, 1)
+    ends = [gait.period_s, gait.period_s * int(3.0 / gait.period_s)]
+    begin, end = np.interp(ends, path.time, path["marker.y"])
+    assert first["measured_speed_m_s"] == pytest.approx((end - begin) / (ends[1] - ends[0]), abs=2e-3)
+    assert told["causes"] == ["pad_friction"]
+    page = (campaign.path / "campaign.html").read_text()
+    assert "The floor is slippery" in page
+
+
+def test_the_same_film_told_again_changes_nothing(campaign: Campaign) -> None:
+    film = walker()(campaign.next_gait)
+    with brief():
+        once = campaign.tell(film).to_dict()
+        before = content(campaign.path)
+        assert campaign.tell(film).to_dict() == once
+    assert content(campaign.path) == before
+
+
+@pytest.mark.slow
+def test_repeats_are_averaged_and_show_the_repeatability(campaign: Campaign) -> None:
+    robot, gait = walker(), campaign.next_gait
+    with brief():
+        first = campaign.tell(robot(gait)).films[0]
+        again = campaign.tell(replace(robot(gait), name="again")).films[0]
+    assert (first.recordings, again.recordings) == (1, 2)
+    assert again.measured_m_s != first.measured_m_s
+    assert again.measured_m_s == pytest.approx(first.measured_m_s, rel=0.1)
+
+
+@pytest.mark.slow
+def test_films_come_in_another_order(campaign: Campaign) -> None:
+    robot, first = walker(), campaign.next_gait
+    with brief():
+        late = robot(first)
+        campaign.tell(robot(first))
+        second = campaign._folder.gaits[max(campaign._folder.gaits)]
+        campaign.tell(robot(second))
+        films = campaign.tell(late).films
+    assert films[0].recordings == 2
+    assert films[0].measured_m_s is not None
+
+
+@pytest.mark.parametrize("wrong", ["gait", "short", "no forward", "relabelled"])
+def test_a_wrong_film_is_refused_in_one_line_and_changes_nothing(campaign: Campaign, wrong: str) -> None:
+    robot, gait = walker(), campaign.next_gait
+    film = robot(gait)
+    with brief():
+        if wrong == "gait":
+            film = robot(still(campaign.problem))
+        elif wrong == "short":
+            film = replace(
+                film,
+                time=film.time[:5],
+                signals={name: series[:5] for name, series in film.signals.items()},
+                used={name: flags[:5] for name, flags in film.used.items()},
+            )
+        elif wrong == "no forward":
+            film = replace(film, signals={"marker.z": film.signals["marker.z"]})
+        else:
+            campaign.tell(film)
+            second = campaign._folder.gaits[max(campaign._folder.gaits)]
+            assert second.key != gait.key
+            film = replace(film, drive=second)
+        before = content(campaign.path)
+        with pytest.raises(GaitoptError) as refused:
+            campaign.tell(film)
+    assert "\n" not in str(refused.value)
+    assert content(campaign.path) == before
+
+
+def test_a_recording_that_does_not_look_like_its_gait_is_refused_unless_it_is_trusted(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    film = walker()(campaign.next_gait)
+    monkeypatch.setattr("gaitopt.jobs.campaign.wrong_recording", lambda *_: "moves as square does")
+    with brief():
+        with pytest.raises(GaitoptError, match=r"film 1: moves as square does; --trust"):
+            campaign.tell(film)
+        assert campaign.tell(film, trust=True).films[0].recordings == 1
+
+
+@pytest.mark.slow
+def test_the_speed_of_a_misfit_counts_once_it_is_confirmed(campaign: Campaign) -> None:
+    robot, gait = walker(), campaign.next_gait
+    with brief(misfits=["film-1-1", "film-1-2"]):
+        once = campaign.tell(robot(gait)).films[0]
+        twice = campaign.tell(replace(robot(gait), name="again")).films[0]
+    assert (once.measured_m_s, once.misfits) == (None, 1)
+    assert twice.measured_m_s is not None
+    assert twice.misfits == 2
+
+
+@pytest.mark.slow
+def test_a_robot_behind_a_function_is_filmed_until_it_is_done(campaign: Campaign) -> None:
+    robot = walker()
+    with brief():
+        done = campaign.run(robot, films=3)
+        rivals = campaign.compare(robot, films=2)
+    assert done.done or campaign._folder.tellings == 3
+    assert [len(tried) for _, tried in rivals] == [1, 2]
+    assert "Bayesian optimisation without a simulator" in (campaign.path / "campaign.html").read_text()
+
+
+def test_an_interrupted_step_goes_on_with_whatever_is_asked(
+    campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    film = walker()(campaign.next_gait)
+    with brief():
+        with monkeypatch.context() as patch:
+            patch.setattr("gaitopt.jobs.campaign_step.walked", _interrupt)
+            with pytest.raises(Stopped):
+                campaign.tell(film)
+        assert campaign.status().films[0].measured_m_s is not None
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.slow
+def test_a_campaign_killed_at_random_moments_ends_the_same(tmp_path: Path) -> None:
+    whole, killed = tmp_path / "whole" / "walk", tmp_path / "killed" / "walk"
+    told_twice(whole)
+    kills, moments = 0, random.Random(4)
+    program = Path(__file__).parents[1] / "campaigns.py"
+    while kills < 200:
+        words = [sys.executable, str(program), str(killed), str(moments.randint(5, 90))]
+        ended = subprocess.run(words, capture_output=True, cwd=tmp_path)
+        if ended.returncode == 0:
+            break
+        assert ended.returncode == -signal.SIGKILL, ended.stderr.decode()
+        kills += 1
+    assert kills >= 3
+    assert [name for name, data in content(whole).items() if content(killed)[name] != data] == []
+    assert set(content(killed)) == set(content(whole))
+
+
+def test_a_folder_that_is_no_campaign_is_named(tmp_path: Path) -> None:
+    with pytest.raises(GaitoptError, match="not the folder of a campaign"):
+        Campaign(tmp_path)
+
+
+def test_a_folder_of_another_campaign_is_refused(fresh: Path) -> None:
+    with pytest.raises(GaitoptError, match="already holds another campaign"):
+        Campaign.new(load_problem(STRIDER), fresh, budget=9)
