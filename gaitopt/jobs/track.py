@@ -14,7 +14,7 @@ from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.core.folders import check_new_or_empty
 from gaitopt.core.progress import OnProgress, silent
 from gaitopt.diagnose.record.defect import Defect
-from gaitopt.diagnose.record.export import ImportOptions, Motion
+from gaitopt.diagnose.record.export import VIEWS, ImportOptions, Motion
 from gaitopt.diagnose.record.importing import Imported, Recording, write_recordings
 from gaitopt.gait.gait import Gait
 from gaitopt.jobs.inputs import check_positive
@@ -24,11 +24,15 @@ from gaitopt.track.found import FilmTrack
 from gaitopt.track.shutter import LONGEST_S
 from gaitopt.track.sync import Beginning, TagMark, TimeMark
 from gaitopt.track.tracking import Tracker, track_film
+from gaitopt.track.untagged import PointTrack, PointTracker, track_point
 
 T = TypeVar("T")
 
 _COMMANDS_S, _NEW_RAD = 1e-3, 1e-3
 """Times at which commands are compared with those before the gait, s, and what counts as a new one, rad."""
+
+_LEAST_LENGTH_PX = 20.0
+"""Least extent of a known length in the picture, pixels."""
 
 _RULER_MM, _RULER = 100.0, (80.0, 125.0)
 """Length of the printed ruler, and what printers make of it, mm."""
@@ -45,6 +49,7 @@ class TrackOptions:
         sync: what shows that the gait begins in each film: one for all, or one each; none where nothing does.
         readout_ms: how much later the phone reads the last row of its pictures than the first, ms; by default
             as a moving camera shows it, and 0 for one that stands still.
+        points: for films without tags a point and a known length: one for all, or one each.
     """
 
     tags: Mapping[str, str | None] = field(default_factory=dict)
@@ -52,6 +57,7 @@ class TrackOptions:
     ruler_mm: float = _RULER_MM
     sync: Sequence[Beginning] = ()
     readout_ms: float | None = None
+    points: Sequence[PointTracker] = ()
 
 
 @dataclass(frozen=True)
@@ -65,7 +71,7 @@ class TrackRun:
     """
 
     folder: Path
-    films: tuple[FilmTrack, ...]
+    films: tuple[FilmTrack | PointTrack, ...]
     recordings: tuple[Imported, ...]
 
     @property
@@ -113,23 +119,29 @@ def track(
         raise GaitoptError(f"--report: found {page}; allowed: another folder than the data set's")
     gaits = [gaits] if isinstance(gaits, str) else list(gaits)
     _check(options, paths, gaits, problem)
-    tracker = Tracker.of(problem, _all_tags(problem, options), options.ruler_mm / _RULER_MM)
     begins: list[Beginning | None] = [*_each(options.sync, len(paths))] or [None] * len(paths)
+    tracker: Tracker | None = None
+    read, tracks = [], []
+    if not options.points:
+        tracker = Tracker.of(problem, _all_tags(problem, options), options.ruler_mm / _RULER_MM)
+    points: list[PointTracker | None] = [*_each(options.points, len(paths))] or [None] * len(paths)
     readout_s = None if options.readout_ms is None else 1e-3 * options.readout_ms
-    tracks = [
-        track_film(path, tracker, on_progress, begin, readout_s)
-        for path, begin in zip(paths, begins, strict=True)
-    ]
-    read = [
-        Recording(found.film, "film", _motion(found, _began(found, begin, tracker, problem.find_gait(gait))))
-        for found, begin, gait in zip(tracks, begins, _each(gaits, len(paths)), strict=True)
-    ]
+    for path, point, begin, gait in zip(paths, points, begins, _each(gaits, len(paths)), strict=True):
+        found: FilmTrack | PointTrack
+        if point is not None:
+            found = track_point(path, point, on_progress, begin)
+            at = found.sync.at_s
+        elif tracker is not None:
+            found = track_film(path, tracker, on_progress, begin, readout_s)
+            at = _began(found, begin, tracker, problem.find_gait(gait))
+        tracks.append(found)
+        read.append(Recording(found.film, "film", _motion(found, at)))
     recordings = write_recordings(read, gaits, folder, ImportOptions(), problem)
     done = TrackRun(folder, tuple(tracks), tuple(recordings))
     if page is not None:
         from gaitopt.report.tracking import write_tracking
 
-        write_tracking(page, tracks, done.defects, tracker)
+        write_tracking(page, problem.name, tracks, done.defects, tracker)
     return done
 
 
@@ -148,7 +160,7 @@ def _began(found: FilmTrack, begin: Beginning | None, tracker: Tracker, gait: Ga
     return at - float(times[np.argmax(away > _NEW_RAD)])
 
 
-def _motion(found: FilmTrack, sync_at_s: float | None) -> Motion:
+def _motion(found: FilmTrack | PointTrack, sync_at_s: float | None) -> Motion:
     defects = list(found.defects)
     return Motion(found.time, found.signals, defects, found.film.stem, sync_at_s=sync_at_s, fps=found.fps)
 
@@ -173,11 +185,39 @@ def _check(options: TrackOptions, films: Sequence[Path], gaits: Sequence[str], p
     longest = 1e3 * LONGEST_S
     if options.readout_ms is not None and not abs(options.readout_ms) <= longest:
         raise bad_value("gaitopt track", "--readout-ms", options.readout_ms, f"-{longest:g} to {longest:g}")
+    if options.points:
+        _check_points(options, len(films), problem)
     names = [film.stem for film in films]
     if len(set(names)) < len(names):
         raise GaitoptError(f"two films have the same name: {', '.join(sorted(names))}; rename one")
     for gait in gaits:
         problem.find_gait(gait)
+
+
+def _check_points(options: TrackOptions, films: int, problem: Problem) -> None:
+    """Check what is followed in films without tags."""
+    if len(options.points) not in (1, films):
+        raise GaitoptError(
+            f"--dot or --patch: found {len(options.points)} for {films} films; allowed: one, or one each"
+        )
+    if problem.roles.marker is None:
+        raise GaitoptError(f"{problem.source}: has no marker, whose motion a point without tags is")
+    if options.tags or options.readout_ms is not None:
+        raise GaitoptError(
+            "--dot or --patch: found with --tag or --readout-ms, which are for films with tags"
+        )
+    if any(isinstance(mark, TagMark) for mark in options.sync):
+        raise GaitoptError("--sync-tag: found in a film without tags; allowed: --sync-led, -frame or -at")
+    for point in options.points:
+        length, view = point.length, point.view
+        if view not in VIEWS:
+            raise bad_value("gaitopt track", "--view", view, ", ".join(VIEWS), VIEWS)
+        away = math.dist(length.begin, length.end)
+        if not (math.isfinite(length.mm) and length.mm > 0.0 and _LEAST_LENGTH_PX <= away < math.inf):
+            found = f"{length.mm:g} mm over {away:.0f} pixels"
+            raise bad_value(
+                "gaitopt track", "--length", found, f"more than 0 mm over {_LEAST_LENGTH_PX:g} or more"
+            )
 
 
 def _all_tags(problem: Problem, options: TrackOptions) -> dict[int, Tag]:

@@ -15,23 +15,28 @@ from gaitopt.report.film.overlay import first_picture, write_overlay
 from gaitopt.report.page import Page, Picture, Section, Table, after_results, image_section, save_figures
 from gaitopt.robot.signals import is_position
 from gaitopt.runs.folder import PAGE_FILE, filled_folder, write_into
-from gaitopt.track.advice import advice
+from gaitopt.track.advice import advice, point_advice
 from gaitopt.track.found import FilmTrack
 from gaitopt.track.tracking import Tracker
+from gaitopt.track.untagged import PointTrack
 
 
 def write_tracking(
-    path: Path | None, films: Sequence[FilmTrack], defects: Sequence[Defect], tracker: Tracker
+    path: Path | None,
+    name: str,
+    films: Sequence[FilmTrack | PointTrack],
+    defects: Sequence[Defect],
+    tracker: Tracker | None,
 ) -> Path:
     """Write the page, figures and overlays of tracked films, and return their folder.
 
     Args:
         path: a new or empty folder.
+        name: the problem's name.
         films: what was found in each film.
         defects: what is wrong with them.
-        tracker: what was looked for.
+        tracker: what was looked for; None where there are no tags.
     """
-    name = tracker.robot.problem.name
     with filled_folder(path, f"{name}-track") as folder:
         write_into(folder, "track.json", to_json({"films": [film.to_dict() for film in films]}))
         for film in films:
@@ -41,39 +46,18 @@ def write_tracking(
     return folder
 
 
-def _overlay(film: FilmTrack, path: Path) -> None:
+def _overlay(film: FilmTrack | PointTrack, path: Path) -> None:
     write_overlay(path, film)
 
 
 def _page(
-    folder: Path, name: str, films: Sequence[FilmTrack], defects: Sequence[Defect], tracker: Tracker
+    folder: Path,
+    name: str,
+    films: Sequence[FilmTrack | PointTrack],
+    defects: Sequence[Defect],
+    tracker: Tracker | None,
 ) -> Page:
-    sections = []
-    for film in films:
-        stem = film.film.stem
-        better = advice(film, tracker)
-        buffer = io.BytesIO()
-        first_picture(film).save(buffer, format="PNG")
-        pictures = {
-            f"{stem}-tracks": Picture(
-                f"{stem}: tracks",
-                partial(plots.tracks, film),
-                "Each signal about its mean. Shaded: gaps, where nothing was seen, or was left out.",
-            )
-        }
-        sections += [
-            image_section(
-                f"{stem}: what was found",
-                buffer.getvalue(),
-                "png",
-                f"The first picture with the tags of the robot (orange) and of the floor (blue); a white "
-                f"line is a tag's upper edge. The whole film: overlays/{stem}.mp4.",
-            ),
-            Section(f"{stem}: next time", sentences=better or ["Nothing to do better."]),
-            Section(f"{stem}: tags", table=_tags(film)),
-            Section(f"{stem}: signals", table=_signals(film)),
-            *save_figures(folder, pictures),
-        ]
+    sections = [section for film in films for section in _sections(folder, film, tracker)]
     return Page(
         title=f"{name}: tracked films",
         answer=" ".join(f"{film.sentence()}." for film in films),
@@ -81,6 +65,34 @@ def _page(
         notes=[f"{defect.trial}: {defect.name}: {defect.message}" for defect in defects],
         sections=sections,
     )
+
+
+def _sections(folder: Path, film: FilmTrack | PointTrack, tracker: Tracker | None) -> list[Section]:
+    """Return what the page says of a film."""
+    stem = film.film.stem
+    if isinstance(film, PointTrack) or tracker is None:
+        what = "the point that was followed (orange) and its path"
+        better, tables = point_advice(film), []
+    else:
+        what = "the tags of the robot (orange) and of the floor (blue); a white line is a tag's upper edge"
+        better, tables = advice(film, tracker), [Section(f"{stem}: tags", table=_tags(film))]
+    buffer = io.BytesIO()
+    first_picture(film).save(buffer, format="PNG")
+    drawn = {
+        f"{stem}-tracks": Picture(
+            f"{stem}: tracks",
+            partial(plots.tracks, film),
+            "Each signal about its mean. Shaded: gaps, where nothing was seen, or was left out.",
+        )
+    }
+    caption = f"The first picture with {what}. The whole film: overlays/{stem}.mp4. {film.sync.sentence()}."
+    return [
+        image_section(f"{stem}: what was found", buffer.getvalue(), "png", caption),
+        Section(f"{stem}: next time", sentences=better or ["Nothing to do better."]),
+        *tables,
+        Section(f"{stem}: signals", table=_signals(film)),
+        *save_figures(folder, drawn),
+    ]
 
 
 def _tags(film: FilmTrack) -> Table:
@@ -95,7 +107,7 @@ def _edge(film: FilmTrack, number: int) -> str:
     return f"{film.edges_px[number]:.0f}" if number in film.edges_px else "–"
 
 
-def _signals(film: FilmTrack) -> Table:
+def _signals(film: FilmTrack | PointTrack) -> Table:
     rows = []
     for name, series in film.signals.items():
         unit, factor = unit_of("_m" if is_position(name) else "_rad")

@@ -10,6 +10,7 @@ from gaitopt.problem.tags import SHEET_TAGS
 from gaitopt.robot.signals import TURNS, axis_of, site_of
 from gaitopt.track.found import FilmTrack
 from gaitopt.track.tracking import Tracker
+from gaitopt.track.untagged import PointTrack
 
 _WANTED_PX, _FEW_PX = 50.0, 35.0
 """Edge that a tag should have in a picture, and below which a larger one is advised, pixels."""
@@ -35,6 +36,15 @@ def advice(found: FilmTrack, tracker: Tracker) -> list[str]:
         tracker: what was looked for.
     """
     return [*_small(found, tracker), *_hidden(found), *_flat(found), *_picture(found)]
+
+
+def point_advice(found: FilmTrack | PointTrack) -> list[str]:
+    """Return what to do better in the next film without tags."""
+    seen = min(float(np.isfinite(series).mean()) for series in found.signals.values())
+    lines = ["Print tags: a film of tags gives height, angles and joints, and its scale is measured."]
+    if seen < _SEEN:
+        lines.append(f"The point is seen in {seen:.0%} of the frames: a larger dot in a colour of its own.")
+    return lines
 
 
 def _small(found: FilmTrack, tracker: Tracker) -> list[str]:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import GAIT, add_json, add_quiet, problem_of
+from gaitopt.core.errors import GaitoptError
 
 if TYPE_CHECKING:
+    from gaitopt.track.follow import Dot, Patch
     from gaitopt.track.sync import Beginning
+    from gaitopt.track.untagged import Length, PointTracker
 
 
 def add_options(parser: Parser) -> None:
@@ -40,6 +44,7 @@ def add_options(parser: Parser) -> None:
         help="what the printed ruler of 100 mm measures (default: %(default)g)",
     )
     _add_sync(parser)
+    _add_untagged(parser)
     add(
         "--readout-ms",
         type=float,
@@ -67,11 +72,86 @@ def _add_sync(parser: Parser) -> None:
         )
 
 
-def _place(text: str) -> tuple[float, float]:
+def _add_untagged(parser: Parser) -> None:
+    """Add the options for films without tags."""
+    add = parser.add_argument
+    add(
+        "--dot",
+        dest="points",
+        action="append",
+        default=[],
+        type=_dot,
+        metavar="X,Y",
+        help="without tags: follow the coloured dot at this pixel of the first picture; one, or one each",
+    )
+    add(
+        "--patch",
+        dest="points",
+        action="append",
+        type=_patch,
+        metavar="X,Y,W,H",
+        help="without tags: follow this patch of the first picture (upper left corner, width, height)",
+    )
+    add(
+        "--length",
+        dest="lengths",
+        action="append",
+        default=[],
+        type=_length,
+        metavar="X1,Y1,X2,Y2,MM",
+        help="without tags: two points of the first picture, in the direction of travel, and their distance",
+    )
+    add("--view", default="side", help="without tags: side (default) or top, from where the camera looks")
+
+
+def _numbers(text: str, allowed: str) -> list[float]:
     try:
-        x, y = (float(part) for part in text.split(","))
+        found = [float(part) for part in text.split(",")]
     except ValueError:
-        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: X,Y in pixels") from None
+        found = []
+    if len(found) != allowed.count(",") + 1 or not all(map(math.isfinite, found)):
+        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: {allowed}")
+    return found
+
+
+def _dot(text: str) -> Dot:
+    from gaitopt.track.follow import Dot
+
+    return Dot(*_numbers(text, "X,Y in pixels"))
+
+
+def _patch(text: str) -> Patch:
+    from gaitopt.track.follow import Patch
+
+    return Patch(*_numbers(text, "X,Y,W,H in pixels"))
+
+
+def _length(text: str) -> Length:
+    from gaitopt.track.untagged import Length
+
+    x, y, u, v, mm = _numbers(text, "X1,Y1,X2,Y2,MM: two points in pixels and their distance")
+    return Length((x, y), (u, v), mm)
+
+
+def _points(options: Options) -> list[PointTracker]:
+    """Return what is followed in films without tags."""
+    from gaitopt.track.untagged import PointTracker
+
+    points, lengths = options.points, options.lengths
+    if not points and not lengths:
+        return []
+    if not points or not lengths or (min(len(points), len(lengths)) != 1 and len(points) != len(lengths)):
+        raise GaitoptError(
+            f"found {len(points)} of --dot and --patch, and {len(lengths)} of --length; allowed: both, one "
+            "of each or as many as films"
+        )
+    count = max(len(points), len(lengths))
+    points, lengths = (given * (count if len(given) == 1 else 1) for given in (points, lengths))
+    return [PointTracker(p, length, options.view) for p, length in zip(points, lengths, strict=True)]
+
+
+def _place(text: str) -> tuple[float, float]:
+    x, y = _numbers(text, "X,Y in pixels")
     return x, y
 
 
@@ -105,6 +185,7 @@ def run(options: Options) -> None:
         ruler_mm=options.ruler_mm,
         sync=_beginnings(options),
         readout_ms=options.readout_ms,
+        points=_points(options),
     )
     with frames_display(options.quiet) as show:
         problem = problem_of(options)

@@ -11,12 +11,13 @@ from gaitopt.report.figures.style import BEST_COLOUR, COLOURS, stacked_panels
 from gaitopt.report.letters import drawable
 from gaitopt.robot.signals import is_position
 from gaitopt.track.found import FilmTrack
+from gaitopt.track.untagged import PointTrack
 
 _PANEL = 0.85
 """Height of a panel, inches."""
 
 
-def tracks(found: FilmTrack) -> Figure:
+def tracks(found: FilmTrack | PointTrack) -> Figure:
     """Draw the signals of a film over one another, each about its mean; gaps are shaded."""
     drawn, panels = stacked_panels(len(found.signals), 0.5 + _PANEL * len(found.signals))
     for axes, (name, series) in zip(panels, found.signals.items(), strict=True):
