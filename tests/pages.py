@@ -19,7 +19,11 @@ def page_of(folder: Path, names: set[str]) -> str:
     assert links == {f"#{anchor}" for anchor in anchors}
     assert len(anchors) == len(set(anchors)) == page.count("<section")
     assert not re.search(r"(src|href)=\"(?!data:|#)", page)
-    words = re.sub(r'"data:.*?"', "", page.partition("</style>")[2])
-    words = re.sub(r"<script\b.*?</script>", "", words, flags=re.DOTALL)
+    words = words_of(page)
     assert not re.search(r"\d%|\bnan\b|\binf\b|\d{5}\.\d|\d\.\d{5}", words)
     return page
+
+
+def words_of(page: str) -> str:
+    """What a page says: all but its styles, its scripts and the content of its figures."""
+    return re.sub(r'"data:.*?"|<(style|script)\b.*?</\1>', "", page, flags=re.DOTALL)

@@ -14,18 +14,16 @@ from gaitopt.diagnose.trial_gap import TrialGap
 from gaitopt.diagnose.words import answer, explanation, has_log, shown_gap, what_it_tells
 from gaitopt.problem.problem import Problem
 from gaitopt.report import diagnosis_tables as tables
+from gaitopt.report.diagnosis_motion import motion_parts
 from gaitopt.report.diagnosis_of_logs import gaits_of, log_sections, logs_text
 from gaitopt.report.diagnosis_of_logs import shrinkage as shrinkage_of_logs
 from gaitopt.report.figures import diagnosis as diagnosis_plots
 from gaitopt.report.figures import gait as gait_plots
-from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
 from gaitopt.report.next_commands import next_commands_sections
 from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.tables import gait_table
 from gaitopt.report.words import robot_text
-from gaitopt.robot.signals import MARKER
 from gaitopt.runs.folder import PAGE_FILE, write_into
-from gaitopt.simulation.rollout import Simulator
 
 _VERDICTS = {
     "no_gap": "no gap",
@@ -52,19 +50,20 @@ def write_page(
         correction: the robot with the most probable explanation, blamed or not; None without one.
         full: add the part that takes longer: a film of the robot with the measured marker.
     """
-    film = _film(folder, problem, correction, diagnosis) if full else FilmPart()
+    motion = motion_parts(folder, problem, diagnosis, correction, full)
     page = Page(
         title=f"{problem.name}: measured against simulated",
         answer=answer(diagnosis),
         asked=_asked(problem, diagnosis),
         tiles=_tiles(diagnosis),
-        notes=film.notes,
+        notes=motion.notes,
         sections=[
             *_with_table("Which effect", tables.effects(diagnosis)),
             *_with_table("How far the gap shrinks", tables.shrinkage(diagnosis)),
             *_with_table("How far the gap of the angles shrinks", shrinkage_of_logs(diagnosis)),
             *save_figures(folder, _cause_pictures(diagnosis)),
-            *film.sections,
+            *motion.sections,
+            *save_figures(folder, dict(motion.pictures)),
             *save_figures(folder, _trial_pictures(diagnosis, correction)),
             *save_figures(folder, _gap_pictures(diagnosis)),
             *log_sections(folder, diagnosis, correction),
@@ -199,38 +198,6 @@ def _gap_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
             "the moments to look at, in that signal of that trial.",
         ),
     }
-
-
-def _film(folder: Path, problem: Problem, correction: Correction | None, diagnosis: Diagnosis) -> FilmPart:
-    """Film the trial with the largest gap, with the measured marker."""
-    from gaitopt.report.film.film import write_film
-    from gaitopt.report.film.take import take_beside
-
-    filmed = [trial for trial in diagnosis.trials if set(MARKER) & set(trial.floors)]
-    if not filmed:
-        return FilmPart()
-    trial = max(filmed, key=_worst).aligned.trial
-    robots = {"nominal": problem} | ({"corrected": correction.problem} if correction else {})
-    length = film_on_page_s(trial.drive.block_s)
-    caption = (
-        f"Trial {trial.name}: the robot as simulated, nominal"
-        + (" and corrected" if correction else "")
-        + ", beside the measured marker. Both markers start at the same point. Their distance is the gap."
-    )
-
-    def write(path: Path) -> None:
-        takes = [
-            take_beside(Simulator.build(robot), trial, length).named(f"{trial.drive.name}, {name}")
-            for name, robot in robots.items()
-        ]
-        begin = max(0.0, *(float(shown.ghost.time[0]) for shown in takes if shown.ghost))
-        write_film(path, takes, begin, begin + length)
-
-    return film_part(folder, "film", "Measured beside simulated, filmed", caption, write)
-
-
-def _worst(trial: TrialGap) -> float:
-    return trial.ratios.get("marker", 0.0)
 
 
 def _next_sections(folder: Path, diagnosis: Diagnosis) -> list[Section]:

@@ -99,18 +99,27 @@ def ways_of(
     ]
 
 
-def way_picture(ways: Sequence[Way], problem: Problem, best: str | None = None) -> dict[str, Picture]:
-    """Return the figure of the way from above, under its name; nothing where no way is known."""
+def way_picture(
+    ways: Sequence[Way], problem: Problem, best: str | None = None, gaits: bool = True
+) -> dict[str, Picture]:
+    """Return the figure of the way from above, under its name; nothing where no way is known.
+
+    Args:
+        ways: the ways.
+        problem: the robot.
+        best: the name of the gait to highlight.
+        gaits: whether they are of gaits on the nominal robot, rather than of several robots.
+    """
     if not ways:
         return {}
+    caption = "The marker's way, seen from above, with one scale along and across. "
     draws = max(len(way.draws) for way in ways)
-    robots = "robots of a posterior" if problem.robots else "scenarios"
-    thin = f" Thin: the same gait in {draws} {robots}." if draws else ""
-    return {
-        "way": Picture(
-            "The way from above",
-            partial(from_above, ways, problem.roles, best=best),
-            "The marker's way, seen from above, with one scale along and across. Thick: on the nominal "
-            f"robot. Arrows show where the trunk points.{thin} A straight gait stays on the dotted line.",
-        )
-    }
+    if draws:
+        robots = "robots of a posterior" if problem.robots else "scenarios"
+        caption += f"Thick: on the nominal robot. Thin: the same gait in {draws} {robots}. "
+    caption += "Arrows show where the trunk points. "
+    if any(way.measured is not None for way in ways):
+        caption += "Dashed: as measured, from the same start. "
+    caption += "A straight gait stays on the dotted line." if gaits else ""
+    draw = partial(from_above, ways, problem.roles, best=best)
+    return {"way": Picture("The way from above", draw, caption.strip())}

@@ -61,6 +61,7 @@ def from_above(ways: Sequence[Way], roles: Roles, best: str | None = None) -> Fi
         best: the name of the gait to highlight.
     """
     lines = [over_ground(one, roles) for way in ways for one in (way.nominal, *way.draws)]
+    lines += [_measured_line(way, roles) for way in ways if way.measured is not None]
     low, high = (
         np.min([line.min(axis=0) for line in lines], axis=0),
         np.max([line.max(axis=0) for line in lines], axis=0),
@@ -79,7 +80,7 @@ def from_above(ways: Sequence[Way], roles: Roles, best: str | None = None) -> Fi
         axes.plot(*line[-1], "o", color=colour, markersize=5.0)
         _headings(axes, way.nominal, roles, line, colour)
         if way.measured is not None:
-            _measured(axes, way, roles, index)
+            _measured(axes, way, roles)
     axes.plot(0.0, 0.0, "o", markerfacecolor="white", markeredgecolor="black", markersize=7.0, label="start")
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.06, 0.12)
@@ -121,13 +122,17 @@ def _headings(
     )
 
 
-def _measured(axes: Axes, way: Way, roles: Roles, index: int) -> None:
-    """Draw the measured marker of a way, which starts where the simulated one does."""
+def _measured_line(way: Way, roles: Roles) -> NDArray[np.float64]:
+    """Return how far the measured marker has moved from the simulated one's start, mm, shape (n, 2)."""
     assert way.measured is not None
-    start = way.nominal.stacked("marker")[0]
-    line = 1e3 * (way.measured - start) @ roles.axes[:2].T
-    colour = COLOURS[index % 5]
-    axes.plot(*thinned(*line.T), "--", color=colour, linewidth=1.5, label=f"{drawable(way.name)}, measured")
+    line: NDArray[np.float64] = 1e3 * (way.measured - way.nominal.stacked("marker")[0]) @ roles.axes[:2].T
+    return line
+
+
+def _measured(axes: Axes, way: Way, roles: Roles) -> None:
+    """Draw the measured marker of a way."""
+    line = _measured_line(way, roles)
+    axes.plot(*thinned(*line.T), "k--", linewidth=1.3, label=_said("measured", line[-1]))
 
 
 def _said(name: str, end: NDArray[np.float64]) -> str:
