@@ -137,8 +137,8 @@ class Diagnosis:
             return None
         if found.causes:
             return found.best
-        before = _rms_left(found.none)
-        return next((one for one in found.candidates if _rms_left(one) < before), None)
+        before = found.none.rms_left
+        return next((one for one in found.candidates if one.rms_left < before), None)
 
     def gap_with(self, candidate: Candidate) -> Gap:
         """Return the held-out gap before and after a candidate, m; of the angles, rad, without a marker."""
@@ -176,7 +176,7 @@ class Diagnosis:
         rows = []
         for index, trial in enumerate(self.fitting):
             gap = self.found.gap_of_trial(index, marker_floor(trial.floors)) if self.found else None
-            if trial.aligned.trial.drive.period_s is None and not any(map(is_position, trial.floors)):
+            if trial.has_log and not any(map(is_position, trial.floors)):
                 continue
             if gap is not None:
                 rows.append(GapOfTrial(trial.name, gap))
@@ -222,10 +222,15 @@ class Diagnosis:
         rows = []
         for index, trial in enumerate(self.fitting):
             angles = [floor.total**2 for name, floor in trial.floors.items() if not is_position(name)]
-            if angles and trial.aligned.trial.drive.period_s is None:
+            if angles and trial.has_log:
                 gap = found.meter.measure_angles(found.best, math.sqrt(float(np.mean(angles))), index)
                 rows.append(GapOfTrial(trial.name, gap))
         return rows
+
+    @property
+    def has_logs(self) -> bool:
+        """Whether the commands of any trial have no period."""
+        return any(trial.has_log for trial in self.trials)
 
     @property
     def measures_positions(self) -> bool:
@@ -335,9 +340,7 @@ def _hypotheses(simulator: Simulator, dataset: DataSet, effects: Collection[str]
     """Return the hypotheses: every requested effect that applies, on each of its targets."""
     known = any(trial.starts_at_s is not None for trial in dataset.trials)
     active = [one.effect.name for one in simulator.effects.active]
-    one_clock = all(
-        trial.drive.period_s is None and trial.starts_at_s is not None for trial in dataset.trials
-    )
+    one_clock = all(trial.has_log and trial.starts_at_s is not None for trial in dataset.trials)
     nominal, channels = simulator.effects.nominal, simulator.problem.channel_names
     applicable = hypotheses(nominal, channels, known, active, one_clock)
     chosen = [one for one in applicable if effects is None or one.effect.name in effects]
@@ -368,18 +371,12 @@ def locate(
     aligned = [align(trial, simulated, settings.align) for trial, simulated in pairs]
     floors = measure_floors(simulator, aligned, executor, seed, settings.floor)
     parts = zip(cleaned, aligned, floors, strict=True)
-    speeds = top_speeds([one for one in aligned if one.trial.drive.period_s is None])
+    speeds = top_speeds([one for one in aligned if one.trial.has_log])
     gaps = [trial_gap(simulator.problem, *part, speeds, settings) for part in parts]
     odd = misfits(aligned, settings.align, settings.misfits)
     gaps = [gap.with_mismatches(odd.get(gap.name, ())) for gap in gaps]
     name, source = simulator.problem.name, str(dataset.source)
     return Diagnosis(name, source, seed, simulator.fidelity, tuple(gaps))
-
-
-def _rms_left(candidate: Candidate) -> float:
-    """Return what a candidate leaves of held-out data, RMS: m, or rad where no position was measured."""
-    samples = candidate.marker if len(candidate.marker) else candidate.angles
-    return float(np.sqrt(np.mean(samples**2))) if len(samples) else 0.0
 
 
 def _in_rad(gap: Gap) -> dict[str, object]:

@@ -87,6 +87,11 @@ class TrialGap:
         return self.aligned.trial.name
 
     @property
+    def has_log(self) -> bool:
+        """Whether what was commanded has no period."""
+        return self.aligned.trial.has_log
+
+    @property
     def defects(self) -> tuple[Defect, ...]:
         """All defects of the record."""
         return self.cleaned.defects + self.mismatches
@@ -181,7 +186,7 @@ def trial_gap(
         for defect in cleaned.defects:
             if defect.component is not None:
                 extra[defect.component] += defect.errors_m.get(name, 0.0) ** 2
-        if aligned.trial.drive.period_s is None:
+        if aligned.trial.has_log:
             splits[name] = split_commands(
                 aligned, name, floors[name].noise, extra, speeds, settings.split_commands
             )

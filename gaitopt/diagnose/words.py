@@ -50,7 +50,7 @@ def answer(diagnosis: Diagnosis) -> str:
     text = f"There is a gap: {figures}{_angles_too(diagnosis)}."
     for first in diagnosis.where[:1]:  # nothing where every part of the gap is within the floor
         part = f"{first.component} of {first.signal} in trial {first.trial}"
-        if any(has_log(trial) for trial in diagnosis.trials):
+        if diagnosis.has_logs:
             whole = by_component(diagnosis.where)[0]
             part = f"{name_of_component(whole.component)} of {whole.signal} over all trials"
             first = replace(first, share=whole.share)
@@ -86,14 +86,9 @@ def shown_gap(diagnosis: Diagnosis) -> ShownGap:
 def _angles_too(diagnosis: Diagnosis) -> str:
     """Return the gap of the angles in words, where they were measured beside a marker under a log."""
     angles = diagnosis.gap_angles if diagnosis.measures_positions else None
-    if angles is None or not any(map(has_log, diagnosis.trials)):
+    if angles is None or not diagnosis.has_logs:
         return ""
     return f"; {angle(angles.before)} RMS of the angles, floor {angle(angles.floor)}"
-
-
-def has_log(trial: TrialGap) -> bool:
-    """Return whether what was commanded has no period."""
-    return trial.aligned.trial.drive.period_s is None
 
 
 def name_of_component(component: str) -> str:
@@ -232,7 +227,7 @@ def explanation(diagnosis: Diagnosis) -> list[str]:
     """Return what is known of each trial, and what the defects of its recording are."""
     sentences = _ranking(diagnosis) + expectation(diagnosis)
     for trial in diagnosis.trials:
-        sentences.append(_of_log(trial) if has_log(trial) else _trial(trial))
+        sentences.append(_of_log(trial) if trial.has_log else _trial(trial))
         sentences += [f"{trial.name}: {defect.name}: {defect.message}." for defect in trial.defects]
         for name, part in trial.splits.items() if trial.counts else ():
             if part.rms > trial.floors[name].total:

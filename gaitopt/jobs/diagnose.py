@@ -203,7 +203,7 @@ def _executor_for(executor: Executor | str, dataset: DataSet) -> Executor | str:
     """
     if executor != AUTO:
         return executor
-    logged = any(trial.drive.period_s is None for trial in dataset.trials)
+    logged = any(trial.has_log for trial in dataset.trials)
     return "processes" if logged else "threads"
 
 

@@ -11,7 +11,7 @@ from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.judge.command_experiment import CommandExperiment
 from gaitopt.diagnose.trial_gap import TrialGap
-from gaitopt.diagnose.words import answer, explanation, has_log, shown_gap, what_it_tells
+from gaitopt.diagnose.words import answer, explanation, shown_gap, what_it_tells
 from gaitopt.problem.problem import Problem
 from gaitopt.report import diagnosis_tables as tables
 from gaitopt.report.diagnosis_motion import motion_parts
@@ -88,7 +88,7 @@ def _with_table(title: str, table: Table | None) -> list[Section]:
 def _expected(diagnosis: Diagnosis) -> list[Section]:
     """Return what to expect of gaits; folded where logs have a row for each signal."""
     sections = _with_table("What to expect", tables.predictions(diagnosis))
-    return list(map(folded, sections)) if any(map(has_log, diagnosis.trials)) else sections
+    return list(map(folded, sections)) if diagnosis.has_logs else sections
 
 
 def _asked(problem: Problem, diagnosis: Diagnosis) -> dict[str, str]:
@@ -162,7 +162,7 @@ def _trial_pictures(diagnosis: Diagnosis, correction: Correction | None) -> dict
     best = diagnosis.found.best if diagnosis.found else None
     pictures: dict[str, Picture] = {}
     for index, trial in enumerate(diagnosis.trials):
-        if has_log(trial):
+        if trial.has_log:
             continue
         beside = correction.trials[index] if correction and correction.trials else None
         name = f"measured-{len(pictures) + 1}" if pictures else "measured"

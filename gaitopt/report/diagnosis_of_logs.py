@@ -14,7 +14,6 @@ from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.judge.gap import Gap
 from gaitopt.diagnose.record.defect import counted
 from gaitopt.diagnose.trial_gap import TrialGap
-from gaitopt.diagnose.words import has_log
 from gaitopt.report.figures import logs as plots
 from gaitopt.report.figures.logs import Repeats
 from gaitopt.report.page import Picture, Section, Table, folded, save_figures
@@ -28,7 +27,7 @@ _DETAILED = 24
 
 def gaits_of(diagnosis: Diagnosis) -> list[TrialGap]:
     """Return the trials of gaits."""
-    return [trial for trial in diagnosis.trials if not has_log(trial)]
+    return [trial for trial in diagnosis.trials if not trial.has_log]
 
 
 def logs_text(diagnosis: Diagnosis) -> list[str]:
@@ -52,7 +51,7 @@ def repeats_of(diagnosis: Diagnosis, correction: Correction | None = None) -> li
     found: dict[str, list[tuple[TrialGap, Aligned | None]]] = {}
     after = correction.trials if correction and correction.trials else [None] * len(diagnosis.trials)
     for trial, beside in zip(diagnosis.trials, after, strict=True):
-        if has_log(trial):
+        if trial.has_log:
             found.setdefault(trial.aligned.trial.drive.key, []).append((trial, beside))
     return [
         Repeats([trial for trial, _ in rows], [beside for _, beside in rows if beside is not None])

@@ -13,7 +13,7 @@ from gaitopt.diagnose.gap.split_commands import COMMAND_COMPONENTS
 from gaitopt.diagnose.gap.where import ComponentShare, GapShare, by_component
 from gaitopt.diagnose.judge.causes import EffectProbability
 from gaitopt.diagnose.predictions import Prediction
-from gaitopt.diagnose.words import has_log, name_of_component
+from gaitopt.diagnose.words import name_of_component
 from gaitopt.report.page import Table
 from gaitopt.robot.signals import unit_of
 
@@ -135,7 +135,7 @@ def largest_parts(diagnosis: Diagnosis) -> Table | None:
     """Return the largest components of the gap; None where no trial has a gap above its floor."""
     if not diagnosis.where:
         return None
-    if any(map(has_log, diagnosis.trials)):
+    if diagnosis.has_logs:
         return _largest_components(diagnosis)
     return Table(
         head=["signal", "component", "share of the whole", "RMS", "floors"],
@@ -222,7 +222,7 @@ def _shares(part: Split) -> list[str]:
 
 def floors(diagnosis: Diagnosis) -> Table:
     """Return the floor of each signal and its parts."""
-    rows, logs = [], any(map(has_log, diagnosis.trials))
+    rows, logs = [], diagnosis.has_logs
     for trial in diagnosis.trials:
         for name, floor in trial.floors.items():
             repeats = (floor.repeats, floor.others) if logs else (floor.repeats,)

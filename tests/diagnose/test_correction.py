@@ -9,6 +9,7 @@ import pytest
 
 from gaitopt.diagnose.correction import CorrectionSettings, Walked, correct, walked_gaits
 from gaitopt.diagnose.diagnosis import Diagnosis
+from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.optimise.executors import SerialExecutor, open_executor
 from gaitopt.problem.problem import Problem
 
@@ -53,8 +54,9 @@ def test_without_a_fitted_effect_there_is_nothing_to_correct(strider: Problem) -
 def found_with(verdict: str, causes: tuple[str, ...], left: list[float], nominal: float) -> Diagnosis:
     """A diagnosis whose candidates leave so much of held-out angles, rad, the most probable first."""
 
-    def candidate(rms: float) -> Any:
-        return SimpleNamespace(marker=np.empty(0), angles=np.full(9, rms), left=rms)
+    def candidate(rms: float) -> Candidate:
+        nothing = np.empty(0)
+        return Candidate((), (), nothing, nothing, nothing, marker=nothing, angles=np.full(9, rms))
 
     candidates = tuple(map(candidate, left))
     found: Any = SimpleNamespace(
@@ -82,5 +84,5 @@ def found_with(verdict: str, causes: tuple[str, ...], left: list[float], nominal
 def test_a_robot_is_corrected_wherever_held_out_data_are_predicted_better(
     verdict: str, causes: tuple[str, ...], left: list[float], corrected: float | None
 ) -> None:
-    chosen: Any = found_with(verdict, causes, left, nominal=1.0).correction
-    assert (None if chosen is None else chosen.left) == corrected
+    chosen = found_with(verdict, causes, left, nominal=1.0).correction
+    assert (None if chosen is None else chosen.rms_left) == (corrected and pytest.approx(corrected))

@@ -77,7 +77,7 @@ def measurement_covariance(
         least = settings.least_marker_m if is_position(name) else settings.least_angle_rad
         covariance[diagonal, diagonal] += floor.noise**2 / counts[own] + least**2
     clock_s = aligned.trial.clock_s
-    if aligned.trial.drive.period_s is None:
+    if aligned.trial.has_log:
         clock_s = math.hypot(clock_s, settings.least_clock_s)
     if clock_s > 0.0:
         late = bins.means(aligned.simulated, aligned.offset_s + clock_s)

@@ -172,7 +172,7 @@ def _noises(trials: Sequence[Trial], settings: FloorSettings) -> list[dict[str, 
     Of drives without a period, that of the quietest recordings of this signal is taken for all.
     """
     noises = [{name: _noise(trial, name) for name in trial.signals} for trial in trials]
-    logs = [number for number, trial in enumerate(trials) if trial.drive.period_s is None]
+    logs = [number for number, trial in enumerate(trials) if trial.has_log]
     for name in dict.fromkeys(name for number in logs for name in trials[number].signals):
         own = [number for number in logs if name in noises[number]]
         quiet = float(np.quantile([noises[n][name] for n in own], settings.quietest, method="lower"))
@@ -263,7 +263,7 @@ def _like_others(trials: Sequence[Aligned], repeats: Sequence[Mapping[str, float
     speed. Drives with a period have none.
     """
     expected: list[dict[str, float]] = [{} for _ in trials]
-    logs = [number for number, aligned in enumerate(trials) if aligned.trial.drive.period_s is None]
+    logs = [number for number, aligned in enumerate(trials) if aligned.trial.has_log]
     for name in dict.fromkeys(name for number in logs for name in trials[number].trial.signals):
         times: dict[str, list[float]] = {}
         for number in logs:

@@ -34,7 +34,7 @@ def misfits(
     """
     found: dict[str, tuple[Defect, ...]] = {}
     for one in trials:
-        if one.trial.drive.period_s is None:
+        if one.trial.has_log:
             continue
         defect = _stands_still(one, settings) or _another_gait(one, trials, align, settings)
         if defect is not None:

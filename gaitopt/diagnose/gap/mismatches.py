@@ -35,7 +35,7 @@ def mismatches(
         settings: see `MismatchSettings`.
     """
     trial = aligned.trial
-    if trial.drive.period_s is None:
+    if trial.has_log:
         yield from _angles(aligned, settings)
     for check in _OF_MOST_COORDINATES:
         found = [check(trial, aligned.simulated, name, settings) for name in trial.positions]
@@ -121,7 +121,7 @@ def _unit(trial: Trial, simulated: Trajectory, name: str, settings: MismatchSett
     ratio = measured / expected
     known = next((words for words, scale in _LENGTHS.items() if 0.5 < ratio / scale < 2.0), None)
     guess = known or "they may be pixels, or the scale is wrong"
-    block = "block" if trial.drive.period_s is None else "cycle"
+    block = "block" if trial.has_log else "cycle"
     message = f"{name} moves {ratio:.3g} times as far in a {block} as the simulated robot, in metres: {guess}"
     return Defect("wrong_unit", trial.name, message, parameters={"ratio": ratio})
 

@@ -115,6 +115,12 @@ class Candidate:
         return " + ".join(one.name for one in self.hypotheses) or "none"
 
     @property
+    def rms_left(self) -> float:
+        """What it leaves of held-out data, RMS: m, or rad where no position was measured."""
+        samples = self.marker if len(self.marker) else self.angles
+        return float(np.sqrt(np.mean(samples**2))) if len(samples) else 0.0
+
+    @property
     def effect_values(self) -> Mapping[str, Values]:
         """The effects, as a problem file states them."""
         return robot_request(zip(self.hypotheses, self.at, strict=True)).effects

@@ -50,7 +50,7 @@ class NominalGap:
     @property
     def has_logs(self) -> bool:
         """Whether the commands of any trial have no period."""
-        return any(aligned.trial.drive.period_s is None for aligned in self.trials)
+        return any(aligned.trial.has_log for aligned in self.trials)
 
 
 @dataclass(frozen=True)

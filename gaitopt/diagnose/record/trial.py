@@ -56,6 +56,11 @@ class Trial:
         return Trial(name, drive, time, signals, used)
 
     @property
+    def has_log(self) -> bool:
+        """Whether what was commanded has no period, as a log of commands; it has no figures of cycles."""
+        return self.drive.period_s is None
+
+    @property
     def frame_s(self) -> float:
         """Typical time between two samples, s."""
         steps = np.diff(self.time)
