@@ -6,6 +6,7 @@ They would spoil the fit of all others. So they are named, and nothing is fitted
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,6 @@ from gaitopt.diagnose.gap.settings import DEFAULT, AlignSettings, MisfitSettings
 from gaitopt.diagnose.record.defect import Defect
 from gaitopt.diagnose.record.noise import noise_of
 from gaitopt.diagnose.record.trial import Series, Trial
-from gaitopt.robot.trajectory import Trajectory
 
 MISFITS = ("another_gait", "stands_still")
 """Names of the defects."""
@@ -78,10 +78,10 @@ def _another_gait(
     """Check whether the recording is much more like the prediction of another gait of the data set."""
     trial = aligned.trial
     others = {one.trial.drive.key: one for one in trials if one.trial.drive.key != trial.drive.key}
-    own = _unlike(trial, trial, aligned.simulated, align)
+    own = unlike(trial, aligned.simulated, aligned.offset_s)
     if own < settings.unlike or not others:
         return None
-    errors = {key: _unlike(trial, one.trial, one.simulated, align) for key, one in others.items()}
+    errors = {key: _unlike(trial, one, align) for key, one in others.items()}
     best = min(errors, key=lambda key: errors[key])
     if errors[best] > settings.more_alike * own:
         return None
@@ -90,8 +90,9 @@ def _another_gait(
     return Defect("another_gait", trial.name, message, parameters={"ratio": own / errors[best]})
 
 
-def _unlike(trial: Trial, named: Trial, simulated: Trajectory, align: AlignSettings) -> float:
-    """Return how unlike a recording and the prediction of a gait are: 1 where it explains nothing."""
-    of_gait = Trial.of(trial.name, named.drive, trial.time, trial.signals)
-    offset = trial.starts_at_s if trial.starts_at_s is not None else best_offset(of_gait, simulated, align)
-    return unlike(trial, simulated, offset)
+def _unlike(trial: Trial, other: Aligned, align: AlignSettings) -> float:
+    """Return how unlike a recording and the prediction of another trial are: 1 where it explains nothing."""
+    of_other = replace(trial, drive=other.trial.drive)  # whose period bounds the offset
+    known = trial.starts_at_s
+    offset = best_offset(of_other, other.simulated, align) if known is None else known
+    return unlike(trial, other.simulated, offset)

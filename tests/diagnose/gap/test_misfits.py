@@ -8,7 +8,10 @@ import pytest
 from planting import SIGNALS, dataset, recording_of, rollout
 
 from gaitopt.diagnose.diagnosis import Diagnosis, DiagnosisRequest, diagnose, locate
+from gaitopt.diagnose.gap.align import align
+from gaitopt.diagnose.gap.misfits import misfits
 from gaitopt.diagnose.record.dataset import load_dataset
+from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.logged import LoggedCommands
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.problem.problem import Problem
@@ -54,6 +57,24 @@ def test_another_gaits_recording_is_named_and_left_out(arcfold: Problem, tmp_pat
     (said,) = [d.message for trial in found.trials for d in trial.defects if d.name == "another_gait"]
     assert said.startswith("moves as square-2s does, not as square-1s")
     assert [trial.name for trial in found.fitting] == ["right", "too"]
+
+
+def test_masked_samples_do_not_tell_which_gait_it_was(arcfold: Problem) -> None:
+    gaits = {name: arcfold.baselines[name] for name in ("square-1s", "square-2s")}
+    predicted = {name: Simulator.build(arcfold).run(gait, duration=9.0) for name, gait in gaits.items()}
+    seen = walked(arcfold, "square-2s", 0.3, **SLIPPERY)
+    time, x = seen["t_s"], seen["x_m"]
+    masked = np.arange(len(time)) % 4 == 0
+    rng = np.random.default_rng(1)
+
+    def ratio(series: np.ndarray) -> float:
+        """How much more like the other gait the recording is."""
+        wrong = Trial.of("wrong", gaits["square-1s"], time, {"marker.x": series}).masked(masked)
+        other = Trial.of("right", gaits["square-2s"], time, {"marker.x": x})
+        trials = [align(wrong, predicted["square-1s"]), align(other, predicted["square-2s"])]
+        return misfits(trials)["wrong"][0].parameters["ratio"]
+
+    assert ratio(np.where(masked, rng.normal(scale=10.0, size=len(x)), x)) == ratio(x) > 3.0
 
 
 def test_a_robot_that_loses_its_power_is_named_with_the_time(arcfold: Problem, tmp_path: Path) -> None:
