@@ -5,12 +5,16 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gaitopt.core.errors import GaitoptError, bad_value, found
 from gaitopt.core.files import check_replaceable, write_with
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.tags import TAG_SIZE_MM, TAG_SIZES_MM, check_tag_number
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 _MOST = 200
 """Most tags that are printed at once."""
@@ -24,16 +28,18 @@ class TagSheets:
         path: the file.
         tags: edge of each tag to cut out by its number, mm.
         pages: number of pages; the last one is the floor sheet.
+        note: why there is no picture of where the tags go, if there is none.
     """
 
     path: Path
     tags: dict[int, float]
     pages: int
+    note: str = ""
 
     def to_dict(self) -> dict[str, object]:
         """Return what `gaitopt tags --json` prints."""
         rows = [{"tag": number, "size_mm": size} for number, size in self.tags.items()]
-        return {"file": str(self.path), "rows": rows, "pages": self.pages}
+        return {"file": str(self.path), "rows": rows, "pages": self.pages, "note": self.note}
 
 
 def tags(
@@ -44,7 +50,7 @@ def tags(
     paper: str = "a4",
     problem: Problem | None = None,
 ) -> TagSheets:
-    """Write a PDF of tags to cut out, with a ruler on each page, and of the floor sheet.
+    """Write a PDF of tags to cut out, a picture of where they go, and the floor sheet.
 
     Args:
         path: where to; a file that ends in ``.pdf``.
@@ -76,9 +82,22 @@ def tags(
         PrintedTag(n, known[n].size_mm if n in known and size_mm is None else size, _name(known.get(n)))
         for n in numbers
     ]
-    sheets = tag_sheets(printed, paper)
+    places, note = _places(problem)
+    sheets = tag_sheets(printed, paper, places)
     write_with(path, lambda temporary: write_sheets(temporary, sheets))
-    return TagSheets(path, {tag.number: tag.size_mm for tag in printed}, len(sheets))
+    return TagSheets(path, {tag.number: tag.size_mm for tag in printed}, len(sheets), note)
+
+
+def _places(problem: Problem | None) -> tuple[list[Image], str]:
+    """Return pictures of where the tags go on a robot, or why there is none."""
+    if problem is None or not any(tag.site for tag in problem.file.tags.values()):
+        return [], ""
+    from gaitopt.report.film.tag_places import tag_places
+
+    try:
+        return tag_places(problem), ""
+    except GaitoptError as error:
+        return [], f"no picture of where the tags go: {error}"
 
 
 def tag_numbers(text: str) -> list[int]:

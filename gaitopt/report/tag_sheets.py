@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
+from PIL.Image import Image
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.report.letters import drawable
@@ -56,12 +58,13 @@ class PrintedTag:
         return wide, wide + _LABEL
 
 
-def tag_sheets(tags: Sequence[PrintedTag], paper: str) -> list[Figure]:
-    """Return the pages to print: the tags to cut out, and last the floor sheet.
+def tag_sheets(tags: Sequence[PrintedTag], paper: str, places: Sequence[Image] = ()) -> list[Figure]:
+    """Return the pages to print: the tags to cut out, where they go, and last the floor sheet.
 
     Args:
         tags: the tags, in order.
         paper: a key of `PAPERS_MM`.
+        places: pictures of where they go.
 
     Raises:
         GaitoptError: a tag is larger than the paper, or OpenCV, which knows the patterns, is missing.
@@ -70,6 +73,7 @@ def tag_sheets(tags: Sequence[PrintedTag], paper: str) -> list[Figure]:
     pages = list(_packed(tags, size))
     return [
         *(_cutting_page(placed, size, i + 1, len(pages)) for i, placed in enumerate(pages)),
+        *(_places_page(places[i : i + 2], size) for i in range(0, len(places), 2)),
         _floor_page(size),
     ]
 
@@ -132,6 +136,21 @@ def _cutting_page(placed: _Placed, size: tuple[float, float], number: int, count
     for tag, left, bottom in placed:
         _cut_out(axes, tag, left, bottom)
     _ruler(axes, _EDGE, _EDGE + 8.0)
+    return figure
+
+
+def _places_page(places: Sequence[Image], size: tuple[float, float]) -> Figure:
+    """Return a page with up to two pictures of where the tags go."""
+    figure, axes = _page(size)
+    top, wide = size[1] - _EDGE, size[0] - 2 * _EDGE
+    _text(axes, _EDGE, top - 5.0, "Where the tags go", 5.0)
+    _text(axes, _EDGE, top - 11.0, "Middle and turn of each tag as in the picture; number, site, edge.", 3.0)
+    top -= 16.0
+    for place in places:
+        high = wide * place.height / place.width
+        axes.imshow(np.asarray(place), extent=(_EDGE, _EDGE + wide, top - high, top), zorder=0.0)
+        top -= high + _GAP
+    axes.set(xlim=(0.0, size[0]), ylim=(0.0, size[1]), aspect="auto")
     return figure
 
 

@@ -27,10 +27,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from kept_table import KeptTable, Row
-from phone import Phone, Walk, shot
-from stages import Stand, stage_of, truth, walk
+from phone import Walk
 
+from gaitopt.core.errors import GaitoptError
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.report.film.phone import Phone, shot
+from gaitopt.report.film.stage import Stand, stage_of, truth, walk
 from gaitopt.robot.signals import AXES, axis_of
 from gaitopt.track.tracking import Tracker, track_film
 
@@ -123,7 +125,10 @@ def rows(case: Case, seconds: float, folder: Path) -> list[Row]:
     problem = tagged(case.size_mm)
     walked = filmed(case, problem, seconds, folder)
     tags = {int(n): tag for n, tag in problem.file.tags.items()}
-    found = track_film(walked.path, Tracker.of(problem, tags))
+    try:
+        found = track_film(walked.path, Tracker.of(problem, tags))
+    except GaitoptError as error:
+        return [{"signal": "none", "unit": str(error).removeprefix(f"{walked.path}: ")}]
     late = 1e3 * float(np.abs(found.time - walked.times).max())
     table = []
     for name, series in found.signals.items():

@@ -1,10 +1,11 @@
 """A synthetic film of ArcFold with its tags."""
 
 import pytest
-from phone import CLOSE, SMALL, Walk, shot
-from stages import stage_of, truth, walk
+from phone import CLOSE, SMALL, Walk
 
 from gaitopt.problem.problem import Problem
+from gaitopt.report.film.phone import shot
+from gaitopt.report.film.stage import stage_of, truth, walk
 
 
 @pytest.fixture(scope="session")

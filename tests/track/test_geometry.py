@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from stages import Stand, looking, sheet_at
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import seeded
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.tags import Tag
+from gaitopt.report.film.stage import Stand, looking, sheet_at
 from gaitopt.track import path as paths
 from gaitopt.track import tracking
 from gaitopt.track.bodies import TaggedRobot

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from stages import Stand, looking, sheet_at
 
 from gaitopt.core.streams import seeded
+from gaitopt.report.film.stage import Stand, looking, sheet_at
 from gaitopt.track.floor_sheet import SHEET_TAG_MM
 from gaitopt.track.lens import Lens
 from gaitopt.track.path import cameras_of

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from stages import Stand, looking
 
 from gaitopt.core.streams import seeded
+from gaitopt.report.film.stage import Stand, looking
 from gaitopt.track.lens import Lens
 from gaitopt.track.path import Path
 from gaitopt.track.pose import Pose

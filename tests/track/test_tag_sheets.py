@@ -9,11 +9,15 @@ import pytest
 from helpers import problem_folder
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patches import Rectangle
+from pictures import needs_opengl
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.jobs.tags import tag_numbers, tags
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.report.film.phone import Phone, Studio
+from gaitopt.report.film.stage import Stand, stage_of
+from gaitopt.report.film.tag_places import tag_places
 from gaitopt.report.tag_sheets import PAPERS_MM, PrintedTag, tag_sheets
 from gaitopt.track.floor_sheet import SHEET_MM, SHEET_TAG_MM
 from gaitopt.track.opencv import opencv
@@ -82,7 +86,33 @@ def test_the_same_tags_give_the_same_file(tmp_path: Path) -> None:
 def test_a_problem_says_sizes_and_sites_of_its_tags(arcfold: Problem, tmp_path: Path) -> None:
     made = tags(tmp_path / "tags.pdf", problem=arcfold)
     assert made.tags == {0: 20.0, 1: 20.0}
-    assert made.pages == 2
+    assert made.pages == (2 if made.note else 3)
+
+
+@needs_opengl
+def test_the_picture_shows_each_tag_on_the_robot(arcfold: Problem, tmp_path: Path) -> None:
+    assert tags(tmp_path / "tags.pdf", problem=arcfold).note == ""
+    (picture,) = tag_places(arcfold)
+    assert picture.size == (960, 640)
+    studio = Studio(stage_of(arcfold), Phone(size=(960, 640), focal=1400.0))
+    still = studio.still(build_model(arcfold).key_qpos[0], Stand((-0.1, -0.4, 0.35), (0.08, 0.0, 0.02)))
+    studio.close()
+    aruco = opencv().aruco
+    family = aruco.getPredefinedDictionary(aruco.DICT_APRILTAG_36h11)
+    _, numbers, _ = aruco.ArucoDetector(family).detectMarkers(still)
+    assert {0, 1} <= set(np.ravel(numbers).tolist())
+
+
+@needs_opengl
+def test_tags_on_two_sides_take_two_pictures(arcfold: Problem) -> None:
+    folder = problem_folder(Path("sides"), arcfold.source.parent)
+    path = folder / arcfold.model_path.name
+    text = path.read_text()
+    begin = text.index('<site name="tail_tag"')
+    end = text.index("/>", begin)
+    left = '<site name="tail_tag" pos="0.025 0.0147 0.0229" euler="-1.047 0 0" size="0.003"'
+    path.write_text(text[:begin] + left + text[end:])
+    assert len(tag_places(load_problem(str(folder)))) == 2
 
 
 def test_many_tags_take_several_pages_and_none_overlap() -> None:

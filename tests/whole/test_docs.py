@@ -20,10 +20,9 @@ import pytest
 from bench_runs import bench_run
 from campaigns import brief
 from helpers import brief_studies
-from phone import CLOSE, SMALL, shot
+from phone import CLOSE, SMALL
 from pictures import needs_opengl
 from planting import dataset, recording_of
-from stages import stage_of, walk
 
 from gaitopt.cli import app as cli
 from gaitopt.cli import demo
@@ -35,6 +34,8 @@ from gaitopt.jobs import blind
 from gaitopt.jobs.campaign import Campaign
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.report.film.phone import shot
+from gaitopt.report.film.stage import stage_of, walk
 from gaitopt.simulation.rollout import Simulator
 
 ROOT = Path(__file__).parents[2]

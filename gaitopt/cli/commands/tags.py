@@ -37,6 +37,8 @@ def run(options: Options) -> None:
         return
     listed = ", ".join(f"{number} ({size:g} mm)" for number, size in done.tags.items())
     say(f"{done.path}: tags {listed}, and the floor sheet; {done.pages} pages")
+    if done.note:
+        say(done.note)
     say("print at 100 %, and measure the ruler: it must be 100 mm long")
 
 

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.core.errors import GaitoptError
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem
 from gaitopt.robot.rotation import roll_pitch_yaw
@@ -62,9 +63,11 @@ def walk(problem: Problem, gait: str, seconds: float) -> Callable[[float], Array
     """What a problem's robot does with a gait: MuJoCo's qpos at a time, s."""
     drive = problem.find_gait(gait)
     trajectory = Simulator.build(problem).run(drive, duration=seconds + 0.1, poses=True)
-    assert trajectory.status == "ok"
+    if trajectory.status != "ok":
+        raise GaitoptError(f"{gait}: the simulation failed: {trajectory.status}")
     time, poses = trajectory.time, trajectory.poses
-    assert poses is not None
+    if poses is None:
+        raise ValueError("a trajectory without poses")
     return lambda t: poses[np.clip(np.searchsorted(time, t), 0, len(time) - 1)]
 
 
