@@ -38,6 +38,25 @@ class Tried:
     speed_m_s: float
 
 
+@dataclass(frozen=True)
+class TrialAndError:
+    """Settings of intelligent trial and error.
+
+    Attributes:
+        length: length scale of the Matérn kernel.
+        optimism: standard deviations that are added to the mean.
+
+    Both are those of Cully, Clune, Tarapore and Mouret, "Robots that can adapt like animals", Nature 521
+    (2015).
+    """
+
+    length: float = 0.4
+    optimism: float = 0.05
+
+
+TRIAL_AND_ERROR = TrialAndError()
+
+
 def bayesian_optimisation(
     space: GaitSpace,
     starts: Sequence[Gait],
@@ -102,3 +121,42 @@ def _improvement(
     above = (mean - speeds.max()) / deviation
     found: NDArray[np.float64] = deviation * (above * stats.norm.cdf(above) + stats.norm.pdf(above))
     return found
+
+
+def trial_and_error(
+    space: GaitSpace,
+    archive: Sequence[Tried],
+    measure: Callable[[Gait], float],
+    films: int,
+    settings: TrialAndError = TRIAL_AND_ERROR,
+    belief: BeliefSettings = BELIEF,
+) -> list[Tried]:
+    """Film gaits by intelligent trial and error: a map of gaits from the nominal simulator is the prior.
+
+    The map here is every gait that the nominal search tried, in the gait space. That of the paper holds the
+    best gait for each of many kinds of behaviour.
+
+    Args:
+        space: the gait space.
+        archive: gaits with their nominal speed.
+        measure: films a gait and returns its speed, m/s.
+        films: how many films.
+        settings: see `TrialAndError`.
+        belief: size of the discrepancy and of the noise.
+    """
+    points = embedded(np.array([space.encode(one.gait) for one in archive]), space.circular)
+    prior = np.array([one.speed_m_s for one in archive])
+    scale = belief.size * float(np.abs(prior).max())
+    noise = belief.repeatability * float(np.abs(prior).max())
+    chosen: list[int] = []
+    speeds: list[float] = []
+    for _ in range(films):
+        left = np.array(speeds) - prior[np.array(chosen, dtype=int)]
+        noises = np.full(len(chosen), noise**2)
+        process = Conditioned.of(
+            points, points[np.array(chosen, dtype=int)], noises, scale**2, settings.length
+        )
+        hopes = prior + process.gain @ left + settings.optimism * process.deviation
+        chosen.append(int(hopes.argmax()))
+        speeds.append(measure(archive[chosen[-1]].gait))
+    return [Tried(archive[index].gait, speed) for index, speed in zip(chosen, speeds, strict=True)]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from gaitopt.campaign.records import LEARN, Candidate, Proposal, Speed, Step
+from gaitopt.campaign.records import LEARN, WALK, Candidate, Proposal, Speed, Step
 from gaitopt.core.quantities import figure
 from gaitopt.report.figures import campaign as plots
 from gaitopt.report.page import Page, Picture, Section, Table, after_results, folded, save_figures
@@ -115,7 +115,9 @@ def _now(folder: CampaignFolder, step: Step, following: Proposal) -> Section:
         sentences=[
             f"Put {following.gait} on the robot. {player}",
             "Film it for some ten cycles from rest, twice if you can.",
-            f"The film is expected to raise the speed of the best gait by {worth}, by its speed alone.",
+            "It is the best gait that is known: the film shows how fast it is."
+            if step.purpose == WALK
+            else f"The film is expected to raise the speed of the best gait by {worth}, by its speed alone.",
             "Films may be told late, in another order, and again; one that cannot be made may be left out.",
         ],
         commands=[

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gaitopt.campaign.rivals import bayesian_optimisation
+from gaitopt.campaign.rivals import Tried, bayesian_optimisation, trial_and_error
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
 
@@ -20,3 +20,14 @@ def test_it_films_gaits_known_by_hand_and_then_better_ones(strider: Problem) -> 
     assert [one.gait.key for one in tried] == [one.gait.key for one in again]
     assert [one.gait for one in tried[:2]] == starts
     assert max(one.speed_m_s for one in tried) > 1.2 * max(one.speed_m_s for one in tried[:2])
+
+
+def test_trial_and_error_leaves_a_gait_that_disappoints(strider: Problem) -> None:
+    space, rng = strider.space, np.random.default_rng(1)
+    gaits = [space.decode(point) for point in rng.uniform(size=(40, len(space.variables)))]
+    archive = [Tried(gait, 0.001 * index) for index, gait in enumerate(gaits)]
+    slow = {gait.key for gait in gaits[-3:]}
+    tried = trial_and_error(space, archive, lambda gait: 0.005 if gait.key in slow else 0.03, 6)
+    assert tried[0].gait == gaits[-1]
+    assert tried[0].speed_m_s == 0.005
+    assert tried[-1].gait.key not in slow

@@ -1,0 +1,288 @@
+"""Campaigns on sealed robots: how fast is the gait that each method recommends after some films?
+
+A case is a robot by other numerics, of which everything is a little wrong by the problem's tolerances. One to
+three effects are large, and its grip differs from step to step. One case in twelve has a cause outside the
+library. A third of the cases are such that the nominal winner reaches less than 60 % of its nominal speed.
+Speeds are true ones, without a camera, over several start poses, as a share of the fastest gait without a
+violated limit that any method, or a search on the true robot, has found. A study that was ended goes on.
+
+    python tests/studies/campaigns.py --cases 24 --seed 1 --out results/campaigns
+
+Cost: about 40 min of one core for a case of ArcFold with five films.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from kept import read_kept, version, write_kept
+from sealed_walkers import Walker
+
+from gaitopt.blind.disturbances import OUTSIDE, disturbed
+from gaitopt.blind.settings import DEFAULT as BLIND
+from gaitopt.campaign.records import Proposal
+from gaitopt.campaign.rivals import Tried, bayesian_optimisation, trial_and_error
+from gaitopt.campaign.robots import prior_robots
+from gaitopt.campaign.speeds import filmed_speed
+from gaitopt.core.json import to_json
+from gaitopt.effects.active import as_tables
+from gaitopt.gait.gait import Gait
+from gaitopt.gait.table import read_gait_file
+from gaitopt.jobs.campaign import Campaign
+from gaitopt.jobs.executor import opened
+from gaitopt.optimise.journal import Journal
+from gaitopt.optimise.solvers.cma_es import CmaEs
+from gaitopt.optimise.solvers.solution import Box
+from gaitopt.optimise.solvers.solver import Minimisation
+from gaitopt.problem.model import carrying, nominal_parts
+from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.robot import Robot
+from gaitopt.report.figures.style import COLOURS, finish, single_panel
+from gaitopt.report.page import png
+from gaitopt.robot.warnings import silence_warnings
+from gaitopt.runs.folder import JOURNAL_FILE
+from gaitopt.runs.run_folder import RunFolder
+from gaitopt.simulation.metrics import SPEED, measure
+from gaitopt.simulation.objective import evaluate
+from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.scenario import Scenario
+from gaitopt.simulation.tolerances import draw_errors
+
+SLOW = 0.6
+"""A robot is hard if the nominal winner reaches less than this share of its nominal speed."""
+
+DRAWS = 20
+"""Robots drawn until one is hard, or is not, as the case wants it."""
+
+POSES = 4
+"""Start poses over which a true speed is the mean."""
+
+SHOWN = (1, 2, 3, 5)
+"""Films after which a campaign is scored."""
+
+
+@dataclass
+class SealedRobot(Walker):
+    """A robot with a cause outside the library, if any.
+
+    Attributes:
+        outside: its name; empty for none.
+        figures: what was drawn for it.
+    """
+
+    outside: str = ""
+    figures: dict[str, float] | None = None
+
+    def robot(self, scenario: Scenario) -> Simulator:
+        """Return the robot in truth."""
+        robot = super().robot(scenario)
+        return disturbed(robot, OUTSIDE[self.outside], self.figures or {}) if self.outside else robot
+
+    def truly(self, gait: Gait) -> tuple[float, bool]:
+        """Return the true speed of a gait, m/s, and whether it keeps every limit."""
+        rows, statuses = [], []
+        for seed in range(POSES):
+            robot = self.robot(replace(self.scenario, pose_seed=10_000 + seed))
+            path = robot.run(gait)
+            rows.append(measure(self.problem, gait, path, Robot.of(robot.models[0])))
+            statuses.append(path.status)
+        judged = evaluate(self.problem, rows, statuses)
+        speed = judged.metrics[SPEED.name]
+        return (speed if np.isfinite(speed) else 0.0), judged.constraints_met
+
+
+def drawn(problem: Problem, seed: int, index: int, outside: bool) -> SealedRobot:
+    """Draw a robot."""
+    rng = np.random.default_rng([seed, index])
+    count = int(rng.integers(1, 4))
+    effects = as_tables(prior_robots(problem, 1, (count, count), int(rng.integers(2**31)))[0])
+    effects |= {"grip_variation": {"relative_sd": float(rng.uniform(0.02, 0.06))}}
+    parts, tolerances = nominal_parts(problem), problem.file.tolerances
+    errors = draw_errors(parts, tolerances, rng)
+    robot = SealedRobot(
+        problem,
+        {} if outside else effects,
+        Scenario(errors, start_pose_rad=tolerances.start_pose_rad),
+        BLIND.fidelities[1:][int(rng.integers(2))],
+        noise_m=float(rng.uniform(*BLIND.marker_noise_m)),
+        impratio=float(rng.choice(BLIND.impratios)),
+    )
+    if outside:
+        name = str(rng.choice(sorted(OUTSIDE)))
+        plain = robot.robot(robot.scenario)
+        robot = replace(robot, outside=name, figures=OUTSIDE[name].draw(rng, 0.7, plain))
+    return robot
+
+
+def case(index: int, options: argparse.Namespace, problem: Problem, winner: Gait, pool: Executor) -> dict:
+    """Run a case, and return its row."""
+    hard, outside = index % 3 == 0, index % 12 == 5
+    for draw in range(DRAWS):
+        robot = drawn(problem, options.seed, 1000 * index + draw, outside)
+        share = robot.truly(winner)[0] / max(nominal_speed(problem, winner), 1e-6)
+        if outside or (0.0 < share < SLOW if hard else share >= SLOW):
+            break
+    folder = options.out / "campaigns" / f"{index:02d}"
+    campaign = Campaign.new(problem, folder, budget=options.budget, seed=options.seed, executor=pool)
+    recommended = []
+    for count in range(1, options.films + 1):
+        campaign.run(robot, count)
+        recommended.append(campaign.best_gait)
+
+    def filmed(gait: Gait) -> float:
+        return filmed_speed(replace(robot(gait), drive=gait), problem.roles).mean_m_s
+
+    searched = tried_by_the_nominal_search(folder / "steps" / "00" / "nominal", problem)
+    starts = list(problem.baselines.values())
+    methods = {
+        "Bayesian optimisation, 5 films": bayesian_optimisation(problem.space, starts, filmed, 5, index),
+        "Bayesian optimisation, 25 films": bayesian_optimisation(problem.space, starts, filmed, 25, index),
+        "intelligent trial and error, 5 films": trial_and_error(problem.space, searched, filmed, 5),
+    }
+    gaits = {f"campaign, {n} films": recommended[min(n, len(recommended)) - 1] for n in SHOWN}
+    gaits |= {"the nominal winner": campaign._folder.gaits[1]}
+    gaits |= {name: max(tried, key=lambda one: one.speed_m_s).gait for name, tried in methods.items()}
+    true = {name: robot.truly(gait) for name, gait in gaits.items()}
+    best = searched_truly(robot, list(gaits.values()), options.truth, index)
+    fastest = max([best, *(speed for speed, met in true.values() if met)])
+    return {
+        "case": index,
+        "seed": options.seed,
+        "hard": hard,
+        "outside": robot.outside,
+        "effects": sorted(robot.effects),
+        "best_m_s": fastest,
+        "shares": {name: speed / fastest for name, (speed, _) in true.items()},
+        "limits_kept": {name: met for name, (_, met) in true.items()},
+        "inside": [inside(one, campaign) for one in campaign._folder.proposals],
+        "films": campaign._folder.tellings,
+        "done": campaign.status().done,
+    }
+
+
+def nominal_speed(problem: Problem, gait: Gait) -> float:
+    """Return the speed of a gait on the nominal robot, m/s."""
+    robot = Simulator.build(problem)
+    return measure(problem, gait, robot.run(gait), Robot.of(robot.models[0]))[SPEED.name]
+
+
+def tried_by_the_nominal_search(run: Path, problem: Problem) -> list[Tried]:
+    """Return every gait that the nominal search tried and that keeps the limits, with its speed."""
+    opened_run = RunFolder.reopen(run)
+    journal = Journal(run / JOURNAL_FILE, opened_run.problem, opened_run.folder.journal_key(problem))
+    entries = [one for one in journal.entries if one.evaluation.status == "ok"]
+    kept = [one for one in entries if one.evaluation.constraints_met] or entries
+    return [Tried(one.gait, one.evaluation.metrics[SPEED.name]) for one in kept]
+
+
+def searched_truly(robot: SealedRobot, starts: Sequence[Gait], budget: int, seed: int) -> float:
+    """Return the true speed of the best gait without a violated limit that a search on the robot finds."""
+    space, best = robot.problem.space, 0.0
+
+    def costs(points: np.ndarray) -> np.ndarray:
+        nonlocal best
+        found = []
+        for point in points:
+            speed, met = robot.truly(space.decode(point))
+            best = max(best, speed) if met else best
+            found.append(-speed if met else 0.0)
+        return np.array(found)
+
+    first = np.array([space.encode(gait) for gait in starts])
+    x0 = first[costs(first).argmin()]
+    rng = np.random.default_rng([9, seed])
+    CmaEs().minimise(Minimisation(costs, Box(space.circular), x0, 0.1, max(1, budget), rng))
+    return best
+
+
+def inside(one: Proposal, campaign: Campaign) -> bool | None:
+    """Return whether the measured speed of a film lies in the interval predicted; None without a film."""
+    rows = {film.film: film for film in campaign.status().films}
+    measured = rows[one.film].measured_m_s
+    low, high = one.predicted_speed_m_s.ci90
+    return None if measured is None else bool(low <= measured <= high)
+
+
+def page(rows: Sequence[dict[str, Any]]) -> str:
+    """Return the table of the study."""
+    names = list(rows[0]["shares"])
+    lines = [
+        "# Campaigns on sealed robots",
+        "",
+        f"{len(rows)} robots; see `tests/studies/campaigns.py`. True speeds over the best known.",
+        "",
+        "| recommended by | mean | worst | on hard robots | limits kept |",
+        "|---|---|---|---|---|",
+    ]
+    for name in names:
+        shares = np.array([row["shares"][name] for row in rows])
+        hard = np.array([row["shares"][name] for row in rows if row["hard"]])
+        kept = np.mean([row["limits_kept"][name] for row in rows])
+        on_hard = f"{hard.mean():.0%}" if len(hard) else "–"
+        lines.append(f"| {name} | {shares.mean():.0%} | {shares.min():.0%} | {on_hard} | {kept:.0%} |")
+    said = [one for row in rows for one in row["inside"] if one is not None]
+    lines += [
+        "",
+        f"Measured speeds inside their predicted 90 % interval: {np.mean(said):.0%} of {len(said)}.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def write_plot(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Draw the share of each method, a dot for each robot."""
+    names = list(rows[0]["shares"])
+    figure, axes = single_panel(4.0)
+    for row in rows:
+        shares = [row["shares"][name] for name in names]
+        axes.plot(shares, range(len(names)), ".", color=COLOURS[int(row["hard"])], alpha=0.6)
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    finish(axes, "true speed over the best known", "", legend=False)
+    path.write_bytes(png(figure))
+
+
+def main() -> None:
+    """Run the cases that are missing, and write the table and the plot."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--cases", type=int, default=24)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--problem", default="arcfold")
+    parser.add_argument("--films", type=int, default=5)
+    parser.add_argument("--budget", type=int, default=160)
+    parser.add_argument("--truth", type=int, default=200, help="gaits of the search on the true robot")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    silence_warnings()
+    problem = carrying(load_problem(options.problem))
+    path = options.out / "cases.jsonl"
+    rows = read_kept(path, options.seed)
+    with opened("threads", options.workers) as pool:
+        shared = Campaign.new(
+            problem, options.out / "nominal", budget=options.budget, seed=options.seed, executor=pool
+        )
+        winner = problem.check_gait(
+            read_gait_file(shared.path / "films" / "01" / "gait.toml"), "the nominal winner"
+        )
+        for index in range(options.cases):
+            if index not in {row["case"] for row in rows}:
+                rows.append(case(index, options, problem, winner, pool))
+                write_kept(path, rows)
+    (options.out / "README.md").write_text(page(rows))
+    (options.out / "campaigns.json").write_text(to_json({"made_at": version(), "rows": rows}))
+    write_plot(options.out / "shares.png", rows)
+    print(page(rows))
+
+
+if __name__ == "__main__":
+    main()
