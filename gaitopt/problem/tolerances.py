@@ -46,6 +46,8 @@ class Tolerances(FileRecord):
         camera_tilt_deg: error of the camera's level: ±0.5 degrees, the level of a phone, held to its edge.
         clock_offset_s: error of the moment at which a recording says that it starts, s: half a frame at 30
             frames a second.
+        tag_place_mm, tag_turn_deg: where a tag sits on its body, along each axis, and how it is turned: ±1 mm
+            and ±1 degree, glued by eye to a line.
         clock_rate: relative error of a film's clock: 29.97 frames a second, taken for 30.
     """
 
@@ -64,6 +66,8 @@ class Tolerances(FileRecord):
     camera_tilt_deg: Degrees = 0.3
     clock_offset_s: Annotated[float, Field(ge=0.0, le=1.0), PLAIN_NUMBER] = 0.01
     clock_rate: Relative = 0.0006
+    tag_place_mm: Annotated[float, Field(ge=0.0, le=50.0), PLAIN_NUMBER] = 0.6
+    tag_turn_deg: Degrees = 0.6
 
 
 _MOVED = {

@@ -7,9 +7,12 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.judge.settings import SMALL_ERRORS, SmallErrorSettings
+from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
 
@@ -21,7 +24,7 @@ def perturbed_robots(
     stream: int = Stream.SMALL_ERRORS,
     settings: SmallErrorSettings = SMALL_ERRORS,
 ) -> list[Simulator]:
-    """Return robots with other start poses, masses, hinges and numerics.
+    """Return robots with other start poses, masses, hinges, places of tags, and numerics.
 
     Args:
         simulator: the robot without errors.
@@ -39,6 +42,7 @@ def perturbed_robots(
     robots = []
     for index in range(count):
         model = with_small_errors(base.models[index], simulator, rng, settings)
+        misplace_tags(model, simulator.problem, generator(seed, Stream.TAG_MOUNTING, stream, index))
         if index % 3 == 1:
             swap_cone(model)
         robot = replace(base, scenarios=(scenarios[index],), models=(model,))
@@ -62,6 +66,45 @@ def with_small_errors(
     model.jnt_stiffness[hinges] *= 1.0 + errors - (errors.mean() if len(hinges) else 0.0)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
+
+
+def misplace_tags(model: mujoco.MjModel, problem: Problem, rng: np.random.Generator) -> None:
+    """Give each tag whose signals are observed another place and turn on its body, by the tolerances.
+
+    A marker on that body is measured by its tag, so it moves along.
+
+    Args:
+        model: the robot, which changes.
+        problem: its problem, which says where tags sit.
+        rng: the randomness.
+    """
+    tolerances, marker = problem.file.tolerances, problem.roles.marker
+    for name in sorted({tag.site for tag in problem.file.tags.values() if tag.site in problem.observed}):
+        site = model.site(name).id
+        shift = 1e-3 * tolerances.tag_place_mm * rng.standard_normal(3)
+        turn = Rotation.from_rotvec(np.deg2rad(tolerances.tag_turn_deg) * rng.standard_normal(3))
+        before = Rotation.from_quat(model.site_quat[site], scalar_first=True)
+        place = model.site_pos[site].copy()
+        model.site_quat[site] = (before * turn).as_quat(scalar_first=True)
+        model.site_pos[site] += before.apply(shift)
+        if (
+            marker is not None
+            and model.body_weldid[model.site(marker).bodyid[0]] == model.body_weldid[model.site_bodyid[site]]
+        ):
+            _move_along(model, site, model.site(marker).id, before, place)
+
+
+def _move_along(
+    model: mujoco.MjModel, site: int, marker: int, before: Rotation, place: NDArray[np.float64]
+) -> None:
+    """Move a marker as a site on the same body moved that was turned so, and at a place, before."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    body, own = model.site_bodyid[site], model.site_bodyid[marker]
+    frame, origin = Rotation.from_matrix(data.xmat[body].reshape(3, 3)), data.xpos[body]
+    inside = before.inv().apply(frame.inv().apply(data.site_xpos[marker] - origin) - place)
+    after = Rotation.from_matrix(data.site_xmat[site].reshape(3, 3)).apply(inside) + data.site_xpos[site]
+    model.site_pos[marker] = data.xmat[own].reshape(3, 3).T @ (after - data.xpos[own])
 
 
 def swap_cone(model: mujoco.MjModel) -> None:
