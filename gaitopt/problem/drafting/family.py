@@ -69,11 +69,28 @@ def _lowest_of_chains(model: mujoco.MjModel, geoms: Sequence[int]) -> list[int]:
 
 
 def is_chain(model: mujoco.MjModel) -> bool:
-    """Return whether a robot is one chain of bodies, each with a joint to the next."""
-    own = robot_bodies(model)
-    moving = [i for i in np.flatnonzero(own).tolist() if model.body_jntnum[i] and i != trunk(model)]
+    """Return whether a robot is one chain of bodies, each with a servo to the next; wheels that idle aside."""
+    own, driven = robot_bodies(model), _driven_bodies(model)
+    moving = [
+        i
+        for i in np.flatnonzero(own).tolist()
+        if model.body_jntnum[i] and i != trunk(model) and (i in driven or not _is_wheel(model, i))
+    ]
     parents = [_jointed_parent(model, body) for body in moving]
     return len(set(parents)) == len(parents) and len(moving) > 1
+
+
+def _driven_bodies(model: mujoco.MjModel) -> set[int]:
+    """Return the bodies with a joint that an actuator turns."""
+    joints = {joint for i in range(model.nu) for joint in driven_joints(model, i)}
+    return {int(model.jnt_bodyid[joint]) for joint in joints}
+
+
+def _is_wheel(model: mujoco.MjModel, body: int) -> bool:
+    """Return whether a body turns without end and carries none."""
+    joint, hinge = int(model.body_jntadr[body]), int(mujoco.mjtJoint.mjJNT_HINGE)
+    alone = int(model.body_jntnum[body]) == 1 and body not in model.body_parentid.tolist()
+    return alone and int(model.jnt_type[joint]) == hinge and not model.jnt_limited[joint]
 
 
 def _jointed_parent(model: mujoco.MjModel, body: int) -> int:
@@ -127,7 +144,9 @@ def guess_family(model: mujoco.MjModel, standing: Standing, pads: Sequence[int])
     """Return the family of a robot, and what that rests on."""
     limbs = limbs_of(model, pads)
     apart = len({limb.servos[0] for limb in limbs}) == len(limbs)
-    lies = any(int(model.geom_bodyid[geom]) == trunk(model) for geom in standing.touching)
+    lies = any(
+        not _servos_above(model, int(model.geom_bodyid[geom])) for geom in standing.touching
+    )  # on its trunk, or on wheels of it
     if model.opt.density > _WATER:
         return "swimmer", f"it is in a fluid of {model.opt.density:g} kg/m^3"
     fallen = tilt_of(model, standing, up_axis(model)[0]) > FALLEN_RAD
