@@ -1,4 +1,4 @@
-"""gaitopt: optimal gaits for small crawling robots, from a MuJoCo model to the servos.
+"""gaitopt: optimal gaits for small robots that crawl, walk or swim, from a MuJoCo model to the servos.
 
     from gaitopt import Problem, compare, diagnose, optimise, simulate
 

@@ -76,7 +76,7 @@ def build_parser() -> Parser:
     """Return the parser of every command."""
     parser = Parser(
         prog="gaitopt",
-        description="Find better gaits for small crawling robots, compare them with hand-tuned ones.",
+        description="Find better gaits for small robots, compare them with hand-tuned ones.",
         epilog="example: gaitopt optimise arcfold",
     )
     parser.add_argument("--version", action="version", version=f"gaitopt {version('gaitopt')}")

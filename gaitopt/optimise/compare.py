@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -44,6 +45,7 @@ class ComparedGait:
         scenario_speeds_m_s: forward speed in each scenario, m/s.
         robots: robots of a posterior, each in its own scenario; 0 where every scenario has the nominal one.
         metrics: mean of each metric over the scenarios.
+        timestep_s, integrator: the fidelity: the reference, as of a search's winner.
     """
 
     name: str
@@ -61,6 +63,8 @@ class ComparedGait:
     scenario_speeds_m_s: tuple[float, ...]
     metrics: Metrics
     robots: int = 0
+    timestep_s: float = math.nan
+    integrator: str = ""
 
     @property
     def speed_m_s(self) -> float:
@@ -81,9 +85,11 @@ class ComparedGait:
 def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executor) -> list[ComparedGait]:
     """Return one row per gait: mean speed with interval, and its paired difference to the first gait.
 
-    Every gait runs in the same scenarios, so that difference and ratio of two are judged scenario by
-    scenario. Where the problem has robots, there are as many scenarios as robots, at most `COMPARED`, each on
-    one of them. There is one real robot, so intervals then say where it may lie, and not where the mean does.
+    Scenarios and fidelity are those with which a search of the same seed verifies its winner, so a gait has
+    one speed. Every gait runs in the same scenarios, so that difference and ratio of two are judged scenario
+    by scenario. Where the problem has robots, there are as many scenarios as robots, at most `COMPARED`, each
+    on one of them. There is one real robot, so intervals then say where it may lie, and not where the mean
+    does.
 
     Args:
         problem: the problem.
@@ -99,7 +105,8 @@ def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Execut
         scenarios, interval = scenarios_on_every_robot(problem, seed, COMPARED), spread90
     else:
         scenarios, interval = scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS), interval90
-    evaluator = Evaluator(RobotSetup.of(problem, scenarios, problem.simulation.working), executor)
+    fidelity = problem.simulation.reference
+    evaluator = Evaluator(RobotSetup.of(problem, scenarios, fidelity), executor)
     rows: list[ComparedGait] = []
     first: NDArray[np.float64] | None = None
     for gait, one in zip(gaits, evaluator(gaits), strict=True):
@@ -124,6 +131,8 @@ def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Execut
                 scenario_speeds_m_s=tuple(speeds.tolist()),
                 metrics=one.evaluation.metrics,
                 robots=len(scenarios) if problem.robots else 0,
+                timestep_s=fidelity.timestep_s,
+                integrator=fidelity.integrator,
             )
         )
     return rows

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from gaitopt.optimise.evaluator import DROPPED
 from gaitopt.optimise.journal import Entry
-from gaitopt.optimise.verification import Verified
+from gaitopt.optimise.verification import Convergence, Verified
 from gaitopt.problem.problem import Problem
 
 
@@ -37,6 +37,17 @@ def posterior_notes(problem: Problem) -> tuple[str, ...]:
     return (
         f"robots of a posterior were used: every scenario of search and verification has its own of the "
         f"{len(problem.robots)}; plan, figures and film show the nominal robot",
+    )
+
+
+def convergence_notes(found: Convergence, best: Verified, problem: Problem) -> tuple[str, ...]:
+    """Return a note on a winner whose speed is not that of the search: its timestep was too long for it."""
+    if found.converged:
+        return ()
+    coarse, fine = problem.simulation.working.timestep_s, problem.simulation.reference.timestep_s
+    return (
+        f"the winner's speed depends on the timestep: {1e3 * found.working.speed:.1f} mm/s at the search's "
+        f"{coarse:g} s, {1e3 * best.speed:.1f} mm/s at {fine:g} s; take a shorter working timestep",
     )
 
 

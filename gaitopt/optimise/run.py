@@ -15,14 +15,14 @@ from gaitopt.optimise import settings as defaults
 from gaitopt.optimise.evaluator import Evaluator, simulated_s
 from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.ladder import Rung
-from gaitopt.optimise.notes import drift_notes, failure_notes, posterior_notes
+from gaitopt.optimise.notes import convergence_notes, drift_notes, failure_notes, posterior_notes
 from gaitopt.optimise.pareto import FrontGait, front_of, thinned, verified_front
 from gaitopt.optimise.recorder import OnSearchProgress
 from gaitopt.optimise.selection import finalists, select
 from gaitopt.optimise.settings import SearchSettings
 from gaitopt.optimise.stages import DEFAULT_METHOD, method_names, method_of
 from gaitopt.optimise.study import Start, Study
-from gaitopt.optimise.verification import Verified, scenarios_of, verify
+from gaitopt.optimise.verification import Convergence, Verified, convergence, scenarios_of, verify
 from gaitopt.optimise.warm_start import Planned, WarmStart, best_elite, correlation, planned
 from gaitopt.plan.plan import Elite, Plan
 from gaitopt.problem.problem import Problem
@@ -87,6 +87,7 @@ class Optimised:
         front: gaits of speed against cost of transport, if requested.
         rungs: cheaper rungs of the fidelity ladder that were measured; none if the budget is too small for
             that.
+        convergence: the winner at the working fidelity, too.
     """
 
     request: Request
@@ -102,6 +103,7 @@ class Optimised:
     wall_s: float
     front: Sequence[FrontGait] = ()
     rungs: Sequence[Rung] = ()
+    convergence: Convergence | None = None
 
 
 def optimise(
@@ -140,6 +142,7 @@ def optimise(
     final = _verification(
         problem, winner.gait, best_elite(study.entries, warm.elites), request.seed, executor
     )
+    coarse = convergence(problem, final.best, request.seed, executor)
     front = _front(problem, study, request, executor, settings) if request.pareto else []
     ranks = correlation(evaluator, warm.planner, request.seed, settings.correlation_gaits)
     return Optimised(
@@ -148,7 +151,7 @@ def optimise(
         plan=warm.plan,
         warm_start=final.warm_start,
         rank_correlation=ranks.rank,
-        notes=_notes(warm, study, final.baselines, settings),
+        notes=_notes(warm, study, final.baselines, settings) + convergence_notes(coarse, final.best, problem),
         found_by=winner.found_by,
         best=final.best,
         baselines=final.baselines,
@@ -157,11 +160,13 @@ def optimise(
         + ranks.simulated_s
         + sum(entry.simulated_s for entry in study.entries)
         + sum(verified.simulated_s for verified in final.all)
+        + coarse.working.simulated_s
         + sum(gait.verified.simulated_s for gait in front)
         + sum(rung.simulated_s for rung in study.rungs),
         wall_s=time.monotonic() - began,
         front=front,
         rungs=study.rungs,
+        convergence=coarse,
     )
 
 

@@ -265,7 +265,7 @@ class Study:
             self._pursue(aim, self._left // (runs - index), index)
 
     def _pursue(self, aim: pareto.Aim, budget: int, stream: int) -> None:
-        """Minimise another aim than the cost, from the best gait so far by that aim."""
+        """Minimise another aim than the cost, from the best gait so far by that aim; within ties, if any."""
         if budget < 1:
             return
 
@@ -273,10 +273,13 @@ class Study:
             self._evaluate("pareto", points, self.evaluator)
             return np.array([aim(entry) for entry in self.entries[-len(points) :]])
 
-        start = min(self.entries, key=aim).point
-        rng = generator(self.seed, Stream.FRONT + stream)
-        box, spread, choose = Box(self._space.circular), self._settings.front.spread, self._chooser(aim)
-        CmaEs().minimise(Minimisation(costs, box, start, spread, budget, rng, choose))
+        start, ties = min(self.entries, key=aim).point, self._ties
+        rng, box = generator(self.seed, Stream.FRONT + stream), Box((ties or self._space).circular)
+        spread, choose = self._settings.front.spread, self._chooser(aim, ties)
+        if ties is not None:
+            start = ties.project([start])[0]
+        within = costs if ties is None else _within(ties, costs)
+        CmaEs().minimise(Minimisation(within, box, start, spread, budget, rng, choose))
 
     def _chooser(self, aim: pareto.Aim, ties: TiedSpace | None = None) -> Choose:
         """Return the chooser of candidates, from all evaluations so far on the rung that judges them.

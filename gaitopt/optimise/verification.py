@@ -14,6 +14,8 @@ from gaitopt.effects.active import EffectValues
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Fidelity
+from gaitopt.simulation.audit.settings import DEFAULT, CheckSettings
 from gaitopt.simulation.metrics import SPEED
 from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.scenario import Scenario, draw_scenarios
@@ -116,17 +118,63 @@ def _on_robots(
     )
 
 
-def verify(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executor) -> list[Verified]:
-    """Return each gait at the reference fidelity over the verification scenarios.
+@dataclass(frozen=True)
+class Convergence:
+    """A gait at the working and at the reference fidelity, in the same scenarios.
+
+    Attributes:
+        working: the gait at the working fidelity.
+        change_m_s: what the reference fidelity adds to its mean forward speed, m/s.
+        change_ci90_m_s: 90 % interval of that, m/s.
+        converged: whether the change is no larger than what `gaitopt check` allows of a baseline whose
+            timestep is halved, or may be so by chance.
+    """
+
+    working: Verified
+    change_m_s: float
+    change_ci90_m_s: tuple[float, float]
+    converged: bool
+
+
+def convergence(
+    problem: Problem, verified: Verified, seed: int, executor: Executor, settings: CheckSettings = DEFAULT
+) -> Convergence:
+    """Return whether a verified gait owes its speed to the timestep of the search.
+
+    Args:
+        problem: the problem.
+        verified: the gait at the reference fidelity.
+        seed: seed of the scenarios.
+        executor: where the rollouts run.
+        settings: how much a speed may change.
+    """
+    (working,) = verify(problem, [verified.gait], seed, executor, problem.simulation.working)
+    changes = verified.speeds - working.speeds
+    low, high = interval90(changes)
+    limit = max(settings.timestep_change * abs(verified.speed), settings.timestep_floor_m_s)
+    converged = working.evaluation.status == verified.evaluation.status and low <= limit and high >= -limit
+    return Convergence(working, float(changes.mean()), (low, high), converged)
+
+
+def verify(
+    problem: Problem,
+    gaits: Sequence[Gait],
+    seed: int,
+    executor: Executor,
+    fidelity: Fidelity | None = None,
+) -> list[Verified]:
+    """Return each gait over the verification scenarios.
 
     Args:
         problem: the problem.
         gaits: the gaits.
         seed: seed of the scenarios.
         executor: where the rollouts run.
+        fidelity: how finely; the reference by default.
     """
     scenarios = scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS)
-    evaluator = Evaluator(RobotSetup.of(problem, scenarios, problem.simulation.reference), executor)
+    fidelity = fidelity or problem.simulation.reference
+    evaluator = Evaluator(RobotSetup.of(problem, scenarios, fidelity), executor)
     verified = []
     for gait, one in zip(gaits, evaluator(gaits), strict=True):
         speeds = np.array([outcome.metrics[SPEED.name] for outcome in one.outcomes])

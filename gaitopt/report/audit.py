@@ -85,7 +85,7 @@ def _pictures(problem: Problem, findings: Sequence[Finding]) -> dict[str, Pictur
         pictures["position"] = Picture(
             "Position over time",
             partial(gait_figures.overlay, able, problem.roles),
-            "Forward position of the marker: a robot that crawls moves forward in equal steps.",
+            "Forward position of the marker: a steady gait moves forward in equal steps.",
         )
         pictures["height"] = Picture(
             "Height over time",

@@ -50,7 +50,7 @@ def write_comparison(
 def _page(
     folder: Path, problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait], seed: int
 ) -> Page:
-    names, working = [row.name for row in rows], problem.simulation.working
+    names, fidelity = [row.name for row in rows], problem.simulation.reference
     known = [f"{name} ({n})" if names.count(name) > 1 else name for n, name in enumerate(names, 1)]
     shown = dict(zip(known, gaits, strict=True))
     simulator = Simulator.build(problem)
@@ -65,7 +65,8 @@ def _page(
             "Gaits": ", ".join(names),
             "Scenarios": f"{len(rows[0].scenario_speeds_m_s)} of {problem.name}, seed {seed}, the same for "
             f"each gait{_robots_text(rows)}{scenario_rule(problem.objective)}",
-            "Simulated": fidelity_text(working.timestep_s, working.integrator),
+            "Simulated": f"{fidelity_text(fidelity.timestep_s, fidelity.integrator)}: "
+            "the reference, as a search verifies",
         },
         notes=player.notes,
         sections=[

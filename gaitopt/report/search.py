@@ -265,6 +265,21 @@ def _asked(problem: Problem, summary: Summary) -> dict[str, str]:
         "Fidelity ladder": _ladder_text(summary.fidelity_ladder),
         "Verified": f"over {verified.scenarios} scenarios that the search did not use{each}, "
         f"{fidelity_text(verified.timestep_s, verified.integrator)}",
+        **_timestep_text(summary),
+    }
+
+
+def _timestep_text(summary: Summary) -> dict[str, str]:
+    """Return how much of the winner's speed is the timestep's; nothing of a run that did not look."""
+    verified = summary.verified
+    if verified.converged is None:
+        return {}
+    low, high = (1e3 * end for end in verified.change_ci90_m_s)
+    return {
+        "Timestep": f"in the same scenarios at {figure(verified.working_timestep_s)} s, as in the search, "
+        f"the best gait has {1e3 * verified.working_speed_m_s:.1f} mm/s; the reference changes that by "
+        f"{low:+.1f} to {high:+.1f} mm/s (90 % interval): "
+        f"{'converged' if verified.converged else 'too coarse'}"
     }
 
 

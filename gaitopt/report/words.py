@@ -19,7 +19,7 @@ def answer_of(summary: Summary) -> str:
     speed, (low, high) = best.speed_m_s, best.speed_ci90_m_s
     if not math.isfinite(speed):
         return f"The best gait of the search failed where it was verified: {best.status}."
-    text = f"The best gait crawls at {1e3 * speed:.1f} mm/s"
+    text = f"The best gait moves at {1e3 * speed:.1f} mm/s"
     if math.isfinite(low) and math.isfinite(high):
         text += f" (90 % interval {1e3 * low:.1f} to {1e3 * high:.1f})"
     ratio, fastest = summary.ratio_to_best_baseline, summary.fastest_baseline
@@ -70,6 +70,34 @@ def _beyond(what: str, found: float, largest: float, unit: str, scale: float = 1
     return (
         f"{what} {scale * found:.3g} {unit} is {found / largest:.2g} times the largest "
         f"({scale * largest:.3g} {unit})"
+    )
+
+
+def basis_of(summary: Summary) -> str:
+    """Return in one or two sentences what the speeds of a search are means over, and how fine they are."""
+    verified = summary.verified
+    if not verified.scenarios or not math.isfinite(verified.timestep_s):
+        return ""
+    text = (
+        f"Speeds are means over {verified.scenarios} scenarios that the search did not see, at the reference "
+        f"fidelity ({fidelity_text(verified.timestep_s, verified.integrator).removeprefix('at ')})."
+    )
+    if verified.converged is None:
+        return text
+    coarse = f"the working timestep of {figure(verified.working_timestep_s)} s"
+    same = "within what `gaitopt check` allows" if verified.converged else "too much: shorten it"
+    return (
+        f"{text} With {coarse} the best gait has {1e3 * verified.working_speed_m_s:.1f} mm/s there: {same}."
+    )
+
+
+def compared_basis(rows: Sequence[ComparedGait]) -> str:
+    """Return in one sentence what the speeds of a comparison are means over, and how fine they are."""
+    row = rows[0]
+    return (
+        f"Speeds are means over {len(row.scenario_speeds_m_s)} scenarios at the reference fidelity "
+        f"({fidelity_text(row.timestep_s, row.integrator).removeprefix('at ')}): those in which a search "
+        "with the same seed verifies its best gait."
     )
 
 

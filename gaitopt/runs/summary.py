@@ -151,12 +151,20 @@ class VerifiedRow(_Row):
         integrator: MuJoCo's integrator.
         scenarios: number of scenarios, none of which the search has seen.
         speed_m_s: mean forward speed of the winner, m/s.
+        working_timestep_s: timestep of the search, s.
+        working_speed_m_s: mean forward speed of the winner in the same scenarios with that, m/s.
+        change_ci90_m_s: 90 % interval of what the reference fidelity changes, m/s.
+        converged: whether that is as little as `gaitopt check` asks of a baseline.
     """
 
     timestep_s: float = math.nan
     integrator: str = ""
     scenarios: int = 0
     speed_m_s: Figure = math.nan
+    working_timestep_s: float = math.nan
+    working_speed_m_s: Figure = math.nan
+    change_ci90_m_s: tuple[Figure, Figure] = (math.nan, math.nan)
+    converged: bool | None = None
 
 
 class MeasuredRow(_Row):
@@ -267,6 +275,7 @@ class Summary(_Row):
                 integrator=reference.integrator,
                 scenarios=len(best.speeds),
                 speed_m_s=best.speed,
+                **_converged(problem, optimised),
             ),
             ratio_to_best_baseline=_ratio(best.speed, fastest),
             ratio_to_best_feasible_baseline=_ratio(best.speed, max(feasible, default=math.nan)),
@@ -305,6 +314,18 @@ def _gait_figures(verified: Verified) -> dict[str, Any]:
         "violations": {name: size for name, size in evaluation.violations.items() if size > 0.0},
         "status": evaluation.status,
         "metrics": evaluation.metrics,
+    }
+
+
+def _converged(problem: Problem, optimised: Optimised) -> dict[str, Any]:
+    found = optimised.convergence
+    if found is None:
+        return {}
+    return {
+        "working_timestep_s": problem.simulation.working.timestep_s,
+        "working_speed_m_s": found.working.speed,
+        "change_ci90_m_s": found.change_ci90_m_s,
+        "converged": found.converged,
     }
 
 

@@ -62,7 +62,7 @@ def test_the_report_is_one_self_contained_page(finished: Path) -> None:
 def test_the_answer_is_short_and_says_where_the_report_is(gaitopt: Run, tmp_path: Path) -> None:
     code, out, err = gaitopt("optimise", STRIDER, "--budget", 3, "--out", tmp_path / "run")
     assert code == 0
-    assert "The best gait crawls at " in out
+    assert "The best gait moves at " in out
     assert f"report: {tmp_path / 'run' / 'report.html'}" in out.replace("\n", "").replace(
         "report:", "\nreport:"
     )

@@ -77,3 +77,11 @@ def test_a_wrong_tie_is_one_line_of_the_problem_file(tmp_path: Path) -> None:
     edited(tmp_path / "bot" / "problem.toml", 'like = "rear"', 'like = "reer"')
     with pytest.raises(GaitoptError, match=r"gait.ties.front.like: unknown channel 'reer'.*nearest: 'rear'"):
         load_problem(tmp_path / "bot")
+
+
+def test_a_front_is_searched_within_the_ties(tmp_path: Path) -> None:
+    problem = tied_strider(tmp_path / "bot", freed_share=0.0)
+    found = run(problem, tmp_path / "evaluations.csv", Request(seed=1, budget=40, pareto=True))
+    assert len(found.entries) == 40
+    assert any(entry.method == "pareto" for entry in found.entries)
+    assert all(obeys(entry.gait) for entry in found.entries)

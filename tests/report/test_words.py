@@ -35,11 +35,11 @@ def hand_tuned(speed: float) -> GaitRow:
 
 def test_the_answer_of_a_search_is_one_sentence() -> None:
     assert answer_of(summary(0.02, {}, (hand_tuned(0.01),))) == (
-        "The best gait crawls at 20.0 mm/s (90 % interval 19.0 to 21.0), 2.00 times the fastest hand-tuned "
+        "The best gait moves at 20.0 mm/s (90 % interval 19.0 to 21.0), 2.00 times the fastest hand-tuned "
         "gait, square, and meets every constraint."
     )
     assert answer_of(summary(0.02, {"tilt_rad": 1.0}, ())) == (
-        "The best gait crawls at 20.0 mm/s (90 % interval 19.0 to 21.0), and violates largest tilt."
+        "The best gait moves at 20.0 mm/s (90 % interval 19.0 to 21.0), and violates largest tilt."
     )
     failed = answer_of(summary(math.nan, {}, ()))
     assert failed == "The best gait of the search failed where it was verified: diverged."

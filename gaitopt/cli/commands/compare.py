@@ -31,7 +31,7 @@ def run(options: Options) -> None:
     """Compare, and print a row and a sentence for each gait."""
     from gaitopt.cli.display import print_comparison, print_report
     from gaitopt.jobs.compare import compare
-    from gaitopt.report.words import verdicts
+    from gaitopt.report.words import compared_basis, verdicts
 
     rows = compare(
         problem_of(options),
@@ -46,6 +46,7 @@ def run(options: Options) -> None:
         print_json({"rows": [row.to_dict() for row in rows]})
         return
     print_comparison(rows)
+    say(compared_basis(rows))
     for sentence in verdicts(rows):
         say(sentence)
     print_report(options.out)

@@ -65,6 +65,10 @@ def _print_exported(exported: Exported) -> None:
         low, high = replay.loss_ci90
         loss = f": a loss of {replay.loss:.1%} (90 % interval {low:.1%} to {high:.1%})"
     say(f"simulated: {ideal:.2f} mm/s as a gait, {replayed:.2f} mm/s as the servos will get it{loss}")
+    say(
+        f"This is the nominal robot from {replay.settings.starts} start poses, at the working fidelity; "
+        "`gaitopt compare` has the speed over scenarios, at the reference fidelity."
+    )
     for warning in exported.warnings:
         say(f"warning: {warning}")
     for file in exported.files:

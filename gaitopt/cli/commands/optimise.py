@@ -79,13 +79,15 @@ def run(options: Options) -> None:
 def print_run(done: OptimiseRun, as_json: bool) -> None:
     """Print the result of a search."""
     from gaitopt.cli.display import print_report, print_summary
-    from gaitopt.report.words import answer_of, reach_of
+    from gaitopt.report.words import answer_of, basis_of, reach_of
 
     if as_json:
         print_json(done.summary.to_dict())
     else:
         print_summary(done.summary)
         say(answer_of(done.summary))
+        if basis := basis_of(done.summary):
+            say(basis)
         if reach := reach_of(done.summary):
             say(reach)
         if done.summary.robots:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gaitopt.cli.command import Command, Options, Parser
-from gaitopt.cli.lines import print_json
+from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import add_gait, add_json, add_posterior, add_problem, problem_of
 from gaitopt.core.errors import GaitoptError
 
@@ -51,6 +51,11 @@ def run(options: Options) -> None:
         print_rows(rows)
     else:
         print_over_robots(rollout, over)
+    if not options.json and "speed_m_s" in rollout.metrics:
+        say(
+            "One rollout of the nominal robot at the working fidelity; `gaitopt compare` has the speed over "
+            "scenarios, at the reference fidelity."
+        )
     if options.view:
         view_rollout(rollout)
 

@@ -69,7 +69,7 @@ def _lowest_of_chains(model: mujoco.MjModel, geoms: Sequence[int]) -> list[int]:
 
 
 def is_chain(model: mujoco.MjModel) -> bool:
-    """Return whether a robot is one chain of bodies, each with a servo to the next; wheels that idle aside."""
+    """Return whether a robot is one chain of bodies, each with a servo to the next; idle wheels aside."""
     own, driven = robot_bodies(model), _driven_bodies(model)
     moving = [
         i

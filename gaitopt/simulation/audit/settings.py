@@ -20,7 +20,7 @@ class CheckSettings:
             acts.
         parameter_at_zero: value tried instead for a parameter that is 0.
         parameter_s: shortest rollout in which it must act, s.
-        airtime: largest share of time in flights: a crawler does not fly.
+        airtime: largest share of time in flights.
         sideways_ratio: largest sideways over forward travel.
         reached: smallest share of its commanded travel that a joint goes through.
         nudge_rad: standard deviation of the start pose's change that shows chaos, rad.
