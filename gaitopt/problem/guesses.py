@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -26,6 +27,9 @@ _MARKERS = ("marker", "end_effector")
 """What a site elsewhere is called that is meant as marker."""
 
 _QUOTES = {"'", '"'}
+
+_KEY_BREAKS = re.compile(r"[^A-Za-z0-9_-]+")
+"""What is not taken over from the name of a part into that of a parameter."""
 
 NEW_MARKER = "marker"
 """Site that is added to a trunk without any."""
@@ -143,40 +147,76 @@ def guess_channel(model: mujoco.MjModel, actuator: int, rest: float) -> GuessedC
 def guess_parameters(
     model: mujoco.MjModel, root: ET.Element, pads: Sequence[int]
 ) -> dict[str, GuessedParameter]:
-    """Return the numbers that all servos, or all pads, share, by name.
+    """Return the numbers that servos, or pads, share, by name; where they differ, one for each kind.
 
     Args:
         model: the robot.
         root: its MJCF, which has the numbers.
         pads: the pads.
     """
-    found = {}
-    alike = len(root.findall("actuator/position")) == model.nu
-    gains = set(model.actuator_gainprm[:, 0].tolist())
-    if alike and len(gains) == 1:
-        found["k_servo"] = GuessedParameter(gains.pop(), "N m/rad", '["actuator/position/@kp"]')
-    limits = {tuple(row) for row in model.actuator_forcerange.tolist()}
-    if alike and model.actuator_forcelimited.all() and len(limits) == 1:
-        low, high = limits.pop()
-        if low == -high:
-            sets = '{ "actuator/position/@forcerange" = "-{} {}" }'
-            found["torque_limit"] = GuessedParameter(high, "N m", sets)
+    found: dict[str, GuessedParameter] = {}
+    servos = root.findall("actuator/position")
+    if len(servos) == model.nu:
+        names = [str(element.get("name")) for element in servos]
+        gains = [float(gain) for gain in model.actuator_gainprm[:, 0]]
+        found |= _by_kind("k_servo", "N m/rad", names, gains, "actuator/position", "kp", ["{}"] * len(names))
+        limits = model.actuator_forcerange.tolist()
+        if model.actuator_forcelimited.all() and all(low == -high for low, high in limits):
+            highs, texts = [high for _, high in limits], ["-{} {}"] * len(names)
+            found |= _by_kind("torque_limit", "N m", names, highs, "actuator/position", "forcerange", texts)
     names = [str(model.geom(pad).name) for pad in pads]
-    frictions = {tuple(_friction_of(model, pad).tolist()) for pad in pads}
     written = {element.get("name") for element in root.iter("geom")}
-    if len(frictions) == 1 and not any(set(name) >= _QUOTES or name not in written for name in names):
-        slide, spin, roll = frictions.pop()
-        paths = ", ".join(
-            f'{json.dumps(_path_of(name), ensure_ascii=False)} = "{{}} {spin!r} {roll!r}"' for name in names
-        )
-        found["mu_pads"] = GuessedParameter(slide, "1", f"{{ {paths} }}")
+    if written >= set(names):
+        frictions = [_friction_of(model, pad).tolist() for pad in pads]
+        texts = [f"{{}} {spin!r} {roll!r}" for _, spin, roll in frictions]
+        slides = [slide for slide, _, _ in frictions]
+        found |= _by_kind("mu_pads", "1", names, slides, ".//geom", "friction", texts, each=True)
     return found
 
 
-def _path_of(geom: str) -> str:
-    """Return the XPath of a geom's friction. XPath has no escape: the name lacks one of `_QUOTES`."""
-    quote = '"' if "'" in geom else "'"
-    return f".//geom[@name={quote}{geom}{quote}]/@friction"
+def _by_kind(
+    name: str,
+    unit: str,
+    parts: Sequence[str],
+    values: Sequence[float],
+    path: str,
+    attribute: str,
+    texts: Sequence[str],
+    each: bool = False,
+) -> dict[str, GuessedParameter]:
+    """Return a named number, or one for each kind of part where values differ, called after its first part.
+
+    Args:
+        name, unit: of the number.
+        parts: the names of what it belongs to. XPath has no escape: a name with both quotes gives no number.
+        values: the number of each part.
+        path, attribute: the XPath of the parts, and what is set.
+        texts: what is written for each part; ``{}`` is the number.
+        each: whether parts are named one by one even where all are alike.
+    """
+    if any(set(part) >= _QUOTES for part in parts):
+        return {}
+    kinds: dict[float, dict[str, str]] = {}
+    for part, value, text in zip(parts, values, texts, strict=True):
+        quote = '"' if "'" in part else "'"
+        kinds.setdefault(value, {})[f"{path}[@name={quote}{part}{quote}]/@{attribute}"] = text
+    if len(kinds) == 1 and not each:
+        kinds = {values[0]: {f"{path}/@{attribute}": texts[0]}}
+    firsts = {value: parts[list(values).index(value)] for value in kinds}
+    return {
+        name if len(kinds) == 1 else f"{name}_{_KEY_BREAKS.sub('_', firsts[value])}": GuessedParameter(
+            value, unit, _sets(paths)
+        )
+        for value, paths in kinds.items()
+    }
+
+
+def _sets(paths: Mapping[str, str]) -> str:
+    """Return the TOML text of what a parameter sets."""
+    if set(paths.values()) == {"{}"}:
+        return json.dumps(list(paths), ensure_ascii=False)
+    texts = (f'{json.dumps(path, ensure_ascii=False)} = "{text}"' for path, text in paths.items())
+    return f"{{ {', '.join(texts)} }}"
 
 
 def _friction_of(model: mujoco.MjModel, pad: int) -> NDArray[np.float64]:

@@ -228,3 +228,30 @@ def test_an_actuator_gets_no_name_that_another_section_has() -> None:
     root = ET.fromstring(f"<mujoco><worldbody/>{sections}</mujoco>")
     assert name_parts(root) == ["1 actuator"]
     assert [element.get("name") for element in root.iter("position")] == ["hip_2", "hip"]
+
+
+def test_a_snake_on_idle_wheels_is_a_snake(tmp_path: Path) -> None:
+    wheel = (
+        '<body pos="-0.025 {y} 0"><joint axis="0 1 0"/><geom type="ellipsoid" size="0.02 0.004 0.02"/></body>'
+    )
+    axle = wheel.format(y=0.02) + wheel.format(y=-0.02)
+    world = FLOOR + snake(4).replace("<joint", f"{axle}<joint").replace("<freejoint/>", f"<freejoint/>{axle}")
+    draft, problem = drafted(tmp_path, mjcf(world.replace("0.011", "0.02"), bends(4)))
+    assert draft.family == "snake"
+    assert len(problem.roles.pads) == 10
+    assert len(problem.roles.hinges) == 10
+    assert speeds(problem)["undulation"] > 0.05
+
+
+def test_servos_and_feet_that_differ_have_their_own_numbers(tmp_path: Path) -> None:
+    world = FLOOR + DOG.replace('size="0.008" mass="0.002"', 'size="0.008" mass="0.002" friction="1.3"', 2)
+    _, problem = drafted(tmp_path, mjcf(world, SERVOS.replace('"-0.3 0.3"', '"-0.5 0.5"', 1)))
+    limits = {n: p.value for n, p in problem.file.parameters.items() if n.startswith("torque_limit")}
+    assert limits == {"torque_limit_hip_a": 0.5, "torque_limit_knee_a": 0.3}
+    assert sorted(p.value for n, p in problem.file.parameters.items() if n.startswith("mu_pads")) == [
+        1.0,
+        1.3,
+    ]
+    assert problem.file.parameters["k_servo"].value == 4.0
+    weaker = Robot.of(Simulator.build(problem.with_parameters({"torque_limit_knee_a": 0.1})).models[0])
+    assert weaker.torque_limit.tolist() == pytest.approx([0.5] + [0.1] * 7)
