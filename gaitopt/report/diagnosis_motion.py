@@ -22,6 +22,7 @@ from gaitopt.report.film.take import Take, take_beside
 from gaitopt.report.motion import player_part, shown_takes, way_picture
 from gaitopt.report.page import Picture, Section
 from gaitopt.robot.signals import MARKER
+from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
 
@@ -105,8 +106,18 @@ def _ways(takes: Sequence[Take], gap: TrialGap) -> list[Way]:
         across = {name for name, part in zip(MARKER, np.abs(shown.axes[:2]).max(axis=0), strict=True) if part}
         known = shown.ghost is not None and across <= set(gap.floors) and not ways
         measured = shown.ghost.positions if shown.ghost and known else None
-        ways.append(Way(shown.name, shown.trajectory, measured=measured))
+        walked = shown.trajectory
+        if shown.ghost is not None:
+            walked = _until(walked, float(shown.ghost.time[-1]))
+        ways.append(Way(shown.name, walked, measured=measured))
     return ways
+
+
+def _until(trajectory: Trajectory, end: float) -> Trajectory:
+    """Return the samples up to a gait time, s, for as long as the recording lasts."""
+    rows = slice(max(1, int(np.searchsorted(trajectory.time, end, side="right"))))
+    signals = {name: series[rows] for name, series in trajectory.signals.items()}
+    return Trajectory(trajectory.time[rows], signals, trajectory.status)
 
 
 def _has_marker(gap: TrialGap) -> bool:

@@ -119,7 +119,7 @@ def way_picture(
         caption += f"Thick: on the nominal robot. Thin: the same gait in {draws} {robots}. "
     caption += "Arrows show where the trunk points. "
     if any(way.measured is not None for way in ways):
-        caption += "Dashed: as measured, from the same start. "
+        caption += "Dotted: as measured, from the same start. "
     caption += "A straight gait stays on the dotted line." if gaits else ""
     draw = partial(from_above, ways, problem.roles, best=best)
     return {"way": Picture("The way from above", draw, caption.strip())}

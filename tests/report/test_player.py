@@ -14,8 +14,11 @@ import pytest
 from browser import SOFTWARE_WEBGL, WITHOUT_WEBGL, Tab, browser_tab, needs_browser
 from helpers import STRIDER
 from numpy.typing import NDArray
+from PIL import Image
 
 from gaitopt.problem.problem import load_problem
+from gaitopt.report.film.encode import write_mp4
+from gaitopt.report.film.section import film_part
 from gaitopt.report.film.take import Take
 from gaitopt.report.motion import player_part, shown_takes
 from gaitopt.report.page import Page
@@ -222,10 +225,43 @@ def test_the_player_plays_by_itself_unless_motion_is_to_be_reduced(tab: Tab, tmp
 
 @pytest.mark.slow
 @needs_browser
-def test_a_browser_without_webgl_says_so(tmp_path: Path) -> None:
+def test_a_browser_without_webgl_says_so_and_shows_the_film(tmp_path: Path) -> None:
+    film = film_part(tmp_path, "walk", "Film", "It walks.", lambda path: write_mp4(path, fading(), 25.0))
+    assert not film.notes
     path = tmp_path / "page.html"
-    path.write_text(page(takes()))
+    sections = [*player_part("The robot", "It walks.", takes()).sections, *film.sections]
+    path.write_text(Page(title="t", answer="a", asked={}, sections=sections).html())
+    said = "document.querySelector('.player').innerText"
     with browser_tab(*WITHOUT_WEBGL) as tab:
         tab.opened(path)
-        assert "shows no WebGL" in tab.value("document.querySelector('.player').innerText")
+        assert "shows no WebGL graphics" in tab.value(said)
+        assert "film on this page" in tab.value(said)
         assert tab.value("document.querySelector('.player canvas').offsetHeight") == 0
+        assert tab.value("document.querySelector('.film video').videoWidth") == 64
+
+
+@pytest.mark.slow
+@needs_browser
+def test_a_film_is_slowed_to_a_tenth_and_stepped(tab: Tab, tmp_path: Path) -> None:
+    film = film_part(tmp_path, "walk", "Film", "It walks.", lambda path: write_mp4(path, fading(), 25.0))
+    path = tmp_path / "page.html"
+    path.write_text(Page(title="t", answer="a", asked={}, sections=film.sections).html())
+    tab.opened(path)
+    video = "document.querySelector('video')"
+    tab.value("document.querySelector('[data-rate=\"0.1\"]').click()")
+    assert tab.value(f"{video}.playbackRate") == 0.1
+    shown = []
+    for button in ("1", "1", "-1"):
+        tab.value(
+            f"new Promise(done => {{ {video}.addEventListener('seeked', done, {{once: true}});"
+            f"document.querySelector('[data-frames=\"{button}\"]').click() }})"
+        )
+        shown.append(tab.value(f"[{video}.currentTime, {video}.paused]"))
+    assert [round(25.0 * at - 0.5, 3) for at, _ in shown] == [1.0, 2.0, 1.0]
+    assert all(paused for _, paused in shown)
+    assert tab.messages == []
+
+
+def fading() -> Iterator[Image.Image]:
+    """Pictures of a film of one second."""
+    return (Image.new("RGB", (64, 36), (10 * step, 0, 0)) for step in range(25))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from gaitopt.report.figures.style import (
     BEST_COLOUR,
     COLOURS,
+    STYLES,
     WIDTH,
     PlainFigure,
     finish,
@@ -28,10 +28,10 @@ from gaitopt.robot.trajectory import Trajectory
 _ARROWS = 7
 """Headings that are shown along a way."""
 
-_LOWEST, _HIGHEST = 2.2, 6.0
+_LOWEST, _HIGHEST = 2.4, 7.0
 """Inches of the figure: both axes have one scale."""
 
-_BELOW = 1.1
+_BELOW = 0.9
 """Inches under the panel, for its label and the legend."""
 
 
@@ -67,7 +67,7 @@ def from_above(ways: Sequence[Way], roles: Roles, best: str | None = None) -> Fi
         np.max([line.max(axis=0) for line in lines], axis=0),
     )
     wide, tall = np.maximum(high - low, 1e-3)
-    height = _BELOW + 0.25 * math.ceil(len(ways) / 2) + float(np.clip(0.85 * WIDTH * tall / wide, 0.8, 4.5))
+    height = _BELOW + 0.2 * (len(ways) + 1) + float(np.clip(0.85 * WIDTH * tall / wide, 0.8, 4.5))
     figure = PlainFigure(figsize=(WIDTH, float(np.clip(height, _LOWEST, _HIGHEST))), layout="constrained")
     axes = figure.subplots()
     axes.axhline(0.0, color="0.6", linewidth=0.8, linestyle=":")
@@ -76,7 +76,9 @@ def from_above(ways: Sequence[Way], roles: Roles, best: str | None = None) -> Fi
         for one in way.draws:
             axes.plot(*thinned(*over_ground(one, roles).T), color=colour, linewidth=0.8, alpha=0.4)
         line = over_ground(way.nominal, roles)
-        axes.plot(*thinned(*line.T), color=colour, linewidth=1.8, label=_said(way.name, line[-1]))
+        style = "-" if way.name == best else STYLES[index % len(STYLES)]
+        said = _said(way.name, line[-1])
+        axes.plot(*thinned(*line.T), color=colour, linestyle=style, linewidth=1.8, label=said)
         axes.plot(*line[-1], "o", color=colour, markersize=5.0)
         _headings(axes, way.nominal, roles, line, colour)
         if way.measured is not None:
@@ -85,7 +87,7 @@ def from_above(ways: Sequence[Way], roles: Roles, best: str | None = None) -> Fi
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.06, 0.12)
     finish(axes, "forward [mm]", "left [mm]", legend=False)
-    legend_below(figure, axes, 2)
+    legend_below(figure, axes, 1)
     return figure
 
 
@@ -132,7 +134,7 @@ def _measured_line(way: Way, roles: Roles) -> NDArray[np.float64]:
 def _measured(axes: Axes, way: Way, roles: Roles) -> None:
     """Draw the measured marker of a way."""
     line = _measured_line(way, roles)
-    axes.plot(*thinned(*line.T), "k--", linewidth=1.3, label=_said("measured", line[-1]))
+    axes.plot(*thinned(*line.T), "k:", linewidth=1.6, label=_said("measured", line[-1]))
 
 
 def _said(name: str, end: NDArray[np.float64]) -> str:

@@ -59,13 +59,22 @@
       const seen = one.row(one.path, i, 3);
       seen.forEach((x, k) => { low[k] = Math.min(low[k], x); high[k] = Math.max(high[k], x); });
       one.robot.shapes.forEach((shape, n) => {
-        if (shape.kind === "plane" || (shape.body < 0 && one.robot.bodies > 0 && Math.hypot(...add(shape.position, seen, -1)) > 4 * (radius || 1))) return;
-        const place = shape.body < 0 ? shape.position : one.body(i, shape.body);
-        const own = shape.body < 0 ? 0 : Math.hypot(...shape.position);
-        radius = Math.max(radius, Math.hypot(...add(place, seen, -1)) + own + reach[n]);
+        if (shape.body < 0) return;
+        radius = Math.max(radius, Math.hypot(...add(one.body(i, shape.body), seen, -1)) + Math.hypot(...shape.position) + reach[n]);
       });
     }
-    return {radius: radius || 0.1, middle: low.map((x, k) => (x + high[k]) / 2), way: Math.hypot(...low.map((x, k) => high[k] - x)) / 2};
+    // What stands still belongs to the picture if it is near.
+    const far = one.robot.shapes.map((shape, n) => shape.body < 0 && shape.kind !== "plane"
+      ? Math.hypot(...add(shape.position, one.row(one.path, 0, 3), -1)) + reach[n] : 0);
+    radius = Math.max(radius, ...far.filter(x => !radius || x < 3 * radius));
+    return {radius: radius || 0.1, low, high};
+  }
+
+  // The part of the ground on which all of some ways lie: its middle, and half its size, m.
+  function around(some) {
+    const low = [0, 1, 2].map(k => Math.min(...some.map(one => one.low[k])));
+    const high = [0, 1, 2].map(k => Math.max(...some.map(one => one.high[k])));
+    return {middle: low.map((x, k) => (x + high[k]) / 2), half: Math.hypot(...low.map((x, k) => high[k] - x)) / 2};
   }
 
   // A ribbon along points: on the ground where there is one. Returns its corners, and how many belong to the past.
@@ -113,8 +122,12 @@
       trails = motions.map((one, n) => {
         const ground = grounds[one.take.robot], lift = 0.004 * radius;
         const normal = ground ? ground.normal : up, height = ground ? dot(ground.point, normal) + lift : null;
-        const line = (at, count) => { const made = ribbon(i => one.row(at, i, 3), count, normal, 0.02 * radius, height); return {...made, part: scene.part(made.numbers)}; };
-        return {own: one.marker && line(one.marker, one.take.moments), measured: one.measured && line(one.measured.at, one.measured.time.length)};
+        const line = (at, count, wide, above) => {
+          const made = ribbon(i => one.row(at, i, 3), count, normal, wide * radius, height === null ? null : height + above * radius);
+          return {...made, part: scene.part(made.numbers)};
+        };
+        return {own: one.marker && line(one.marker, one.take.moments, 0.035, 0),
+          measured: one.measured && line(one.measured.at, one.measured.time.length, 0.018, 0.001)};
       });
       trails.ball = scene.part(gaitoptTriangles({kind: "sphere", size: [0.025 * radius]}, []));
       return true;
@@ -135,8 +148,9 @@
       const [azimuth, elevation] = [state.azimuth, state.elevation].map(angle => angle * Math.PI / 180);
       const level = add(forward.map(x => x * Math.cos(azimuth)), left, Math.sin(azimuth));
       const back = add(level.map(x => x * Math.cos(elevation)), up, Math.sin(elevation));
-      const centre = state.follow ? one.followed(state.t) : extents[n].middle;
-      const size = 0.66 * radius + (state.follow ? 0 : extents[n].way);
+      const all = around(state.beside ? state.chosen.map(k => extents[k]) : [extents[n]]);
+      const centre = state.follow ? one.followed(state.t) : all.middle;
+      const size = 0.66 * radius + (state.follow ? 0 : all.half);
       const distance = size / Math.sin(VIEW / 2) / Math.min(1, aspect) / state.zoom;
       const eye = add(centre, back, distance);
       const light = unit(add(add(add(back, up, 1.6), forward, 0.5), left, 0.3));
