@@ -15,7 +15,7 @@ from gaitopt.problem.instruments import scalar_joints
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.tags import Tag
-from gaitopt.track.pose import Pose
+from gaitopt.track.pose import Pose, cross
 from gaitopt.track.tag import corners
 
 Array = NDArray[np.float64]
@@ -300,14 +300,10 @@ def _difference(one: Relative, other: Relative) -> Array:
 def _relative_spread(one: Pose, other: Pose, seen: Relative) -> Array:
     """Return the covariance of turn and shift of a relative pose, for errors of 1, shape (6, 6)."""
     back = one.turn.T
-    arm = _cross(other.shift - one.shift)
+    arm = cross(other.shift - one.shift)
     zero = np.zeros((3, 3))
     by_other = np.block([[back, zero], [zero, back]])
     by_one = np.block([[-back, zero], [back @ arm, -back]])
     first = np.eye(6) if one.spread is None else one.spread
     second = np.eye(6) if other.spread is None else other.spread
     return np.asarray(by_other @ second @ by_other.T + by_one @ first @ by_one.T)
-
-
-def _cross(a: Array) -> Array:
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])

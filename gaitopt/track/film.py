@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -97,20 +98,9 @@ def _cut_off(path: Path, at: float, length: float) -> GaitoptError:
     return GaitoptError(f"{path}: the film ends in the middle, after {at:.2f} s{of}; copy it again")
 
 
-class _Opened:
-    """An open film with its stream of pictures."""
-
-    def __init__(self, path: Path, container: Any, stream: Any):
-        self.path, self.container, self.stream = path, container, stream
-
-    def __enter__(self) -> tuple[Any, Any]:
-        return self.container, self.stream
-
-    def __exit__(self, *error: object) -> None:
-        self.container.close()
-
-
-def _opened(path: Path) -> _Opened:
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
+    """Open a film, and yield it with its stream of pictures."""
     import av
 
     try:
@@ -123,10 +113,10 @@ def _opened(path: Path) -> _Opened:
         container = av.open(f"file:{path}", options={"format_whitelist": _FORMATS})
     except av.error.FFmpegError:
         raise GaitoptError(f"{path}: not a film that can be read, or one whose copying was cut off") from None
-    if not container.streams.video:
-        container.close()
-        raise GaitoptError(f"{path}: holds no pictures; allowed: a film")
-    return _Opened(path, container, container.streams.video[0])
+    with container:
+        if not container.streams.video:
+            raise GaitoptError(f"{path}: holds no pictures; allowed: a film")
+        yield container, container.streams.video[0]
 
 
 def _length(container: Any, stream: Any) -> float:

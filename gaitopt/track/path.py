@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from gaitopt.robot.rotation import roll_pitch_yaw
 from gaitopt.track.bodies import TaggedBody
-from gaitopt.track.pose import Pose, poses_of
+from gaitopt.track.pose import Pose, cross, poses_of
 from gaitopt.track.room import Room, Seen
 from gaitopt.track.settings import DEFAULT, TrackSettings
 
@@ -84,7 +84,7 @@ class Path:
         for index, pose in enumerate(self.poses):
             if pose is not None:
                 arm = pose.turn @ own
-                slopes = np.hstack([-_cross(arm), np.eye(3)])
+                slopes = np.hstack([-cross(arm), np.eye(3)])
                 places[index] = pose.shift + arm
                 variances[index] = self.noise * np.diag(slopes @ pose.spread @ slopes.T)
         return places, variances
@@ -100,7 +100,7 @@ class Path:
         middle = roll_pitch_yaw(turns)
         angles[here] = np.unwrap(middle, axis=1).T
         slopes = np.stack(
-            [(roll_pitch_yaw((np.eye(3) + _STEP * _cross(e)) @ turns) - middle) / _STEP for e in np.eye(3)],
+            [(roll_pitch_yaw((np.eye(3) + _STEP * cross(e)) @ turns) - middle) / _STEP for e in np.eye(3)],
             axis=2,
         )  # (3 angles, n, 3 turns)
         spreads = np.array([pose.spread for pose in known])[:, :3, :3]
@@ -235,7 +235,7 @@ def _with_camera(pose: Pose, camera: Pose, noise: float) -> Pose:
     if camera.spread is None or pose.spread is None:
         return pose
     back = camera.turn.T
-    arm = _cross(camera.turn @ pose.shift)
+    arm = cross(camera.turn @ pose.shift)
     slopes = np.block([[-back, np.zeros((3, 3))], [back @ arm, -back]])
     return replace(pose, spread=pose.spread + slopes @ camera.spread @ slopes.T / noise)
 
@@ -243,10 +243,6 @@ def _with_camera(pose: Pose, camera: Pose, noise: float) -> Pose:
 def _turn(one: Array, other: Array) -> float:
     """Return the angle between two turns, rad."""
     return float(np.arccos(np.clip(0.5 * (np.trace(one.T @ other) - 1.0), -1.0, 1.0)))
-
-
-def _cross(a: Array) -> Array:
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
 
 def cameras_of(frames: Sequence[Seen], room: Room, settings: TrackSettings = DEFAULT) -> list[Pose | None]:

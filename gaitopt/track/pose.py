@@ -124,6 +124,11 @@ def _alike(one: Pose, other: Pose) -> bool:
     return float(np.abs(one.turn - other.turn).max()) < 1e-3
 
 
+def cross(a: Array) -> Array:
+    """Return the matrix that multiplies by a vector, shape (3,), as the cross product does, shape (3, 3)."""
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+
+
 def _flat_starts(points: Array, directions: Array) -> list[Pose]:
     """Return two first guesses: the pose of a plane, and its mirror image about the line of sight."""
     cv2 = opencv()
