@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.text import one_line, plain
 from gaitopt.report import settings as defaults
+from gaitopt.report.drawing import Drawing, drawing
 from gaitopt.runs.folder import write_into
 
 _POLICY = (
@@ -57,7 +58,8 @@ class Section:
         title: the title.
         sentences: a list.
         table: a table.
-        image: the picture as a data URI.
+        drawing: a figure as SVG.
+        image: a picture as a data URI.
         caption: what to see in it.
         commands: lines to type.
         folded: whether it opens on request.
@@ -69,6 +71,7 @@ class Section:
     title: str
     sentences: Sequence[str] = ()
     table: Table | None = None
+    drawing: Drawing | None = None
     image: str = ""
     caption: str = ""
     commands: Sequence[str] = ()
@@ -121,8 +124,8 @@ class Page:
             anchors=_anchors(self.sections),
             made_by=made_by,
             policy=_POLICY,
-            styles=_once("page.css", *(name for section in self.sections for name in section.styles)),
-            scripts=_once(*(name for section in self.sections for name in section.scripts)),
+            styles=_once("page.css", "plot.css", *(name for one in self.sections for name in one.styles)),
+            scripts=_once("page.js", "plot.js", *(name for one in self.sections for name in one.scripts)),
         )
 
 
@@ -201,12 +204,14 @@ def save_figures(folder: Path, pictures: Mapping[str, Picture]) -> list[Section]
     sections = []
     for name, picture in pictures.items():
         try:
-            data = png(picture.draw())
+            figure = picture.draw()
+            data = png(figure)
+            drawn = drawing(name, figure, picture.draw)
         except Exception as error:
             sections.append(Section(picture.title, sentences=[f"Not drawn: {one_line(error)}."]))
             continue
         write_into(folder, f"figures/{name}.png", writer(data))
-        sections.append(image_section(picture.title, data, "png", picture.caption))
+        sections.append(Section(picture.title, drawing=drawn, caption=picture.caption))
     return sections
 
 

@@ -54,7 +54,7 @@ def test_the_report_is_one_self_contained_page(finished: Path) -> None:
     page = (finished / "report.html").read_text()
     assert "stride" in page
     assert f"Period {read_gait(finished / 'best.toml').period_s:.3g}" in page
-    assert page.count("data:image/png;base64,") == len(list((finished / "figures").iterdir())) == 6
+    assert page.count('class="plot"') == len(list((finished / "figures").iterdir())) == 6
     assert "http://" not in page
     assert "https://" not in page
 

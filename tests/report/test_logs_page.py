@@ -104,8 +104,7 @@ def test_the_gap_of_each_log_before_and_after_is_drawn_and_told(
     vars(fitted)["gap_angles_by_trial"] = [GapOfTrial(trial.name, gap) for trial in diagnosis.trials]
     write_page(tmp_path / "run", arm, fitted)
     page = page_of(tmp_path / "run", FIGURES | {"corrected-angles"})
-    row = "<td>step-1 (×2)</td><td>3</td><td>0.5</td><td>0.25</td><td>91\u00a0%</td>"
-    assert row in page
+    assert "step-1 (×2) 3 0.5 0.25 91 %" in " ".join(words_of(page).split())
     axes = plots.held_out([("step", gap), ("ramp", gap)]).axes[0]
     assert [round(patch.get_width(), 6) for patch in axes.patches] == [3.0, 3.0, 0.5, 0.5]
 

@@ -39,7 +39,7 @@ _SHOWN = 12
 """Candidates in the ranking."""
 
 _MASKED_COLOUR = "0.35"
-_RANK_COLOURS = {"no effect": "0.6"}
+_RANK_COLOURS = {"no effect": "0.45"}
 _HATCHES = ("", "//", "..", "xx", "\\\\")
 
 
@@ -180,7 +180,7 @@ def held_out(diagnosis: Diagnosis, found: Causes) -> Figure:
     figure, axes = single_panel(1.2 + 0.62 * len(trials))
     places = np.arange(len(trials))[::-1]
     looks = (
-        (found.nominal.marker, 0.2, "0.6", "", "nominal"),
+        (found.nominal.marker, 0.2, "0.45", "", "nominal"),
         (best.marker, -0.2, BEST_COLOUR, "//", drawable(f"with {best.label}")),
     )
     for apart, shift, colour, hatch, label in looks:

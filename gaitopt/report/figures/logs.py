@@ -30,15 +30,16 @@ from gaitopt.report.figures.style import (
     name_rows,
     plain_ticks,
     single_panel,
+    width,
 )
 from gaitopt.report.letters import drawable
 from gaitopt.robot.signals import is_position
 
 _Place = Literal["outside upper center", "outside lower center"]
 
-_COMMAND_COLOUR = "0.6"
+_COMMAND_COLOUR = "0.45"
 _NOMINAL_COLOUR = "0.25"
-_COMPONENT_COLOURS = (*COLOURS[:6], "#f0e442", "0.6")
+_COMPONENT_COLOURS = (*COLOURS[:6], "0.25", "0.45")
 _HATCHES = ("", "//", "..", "xx", "\\\\", "--", "", "||")
 _FLOORS_SHOWN = 3.0
 """What is left is shown to this many floors at least, and as far as the corrected robot's goes."""
@@ -85,7 +86,7 @@ class Repeats:
 def responses(repeats: Repeats) -> Figure:
     """Draw each signal of the trials of one log over time, and under it what is left, with the floor."""
     names = repeats.signals
-    figure = PlainFigure(figsize=(WIDTH, 0.7 + 3.3 * len(names)), layout="constrained")
+    figure = PlainFigure(figsize=(width(), 0.7 + 3.3 * len(names)), layout="constrained")
     grid = figure.subplots(
         2 * len(names), 1, squeeze=False, sharex=True, height_ratios=[2.0, 1.0] * len(names)
     )[:, 0]
@@ -103,9 +104,9 @@ def responses(repeats: Repeats) -> Figure:
 def overview(rows: Sequence[Repeats], signal: str) -> Figure:
     """Draw one signal under every log of commands, a small panel each."""
     shown = [repeats for repeats in rows if signal in repeats.signals]
-    columns = min(_COLUMNS, len(shown))
+    columns = min(_COLUMNS if width() == WIDTH else 2, len(shown))
     lines = math.ceil(len(shown) / columns)
-    figure = PlainFigure(figsize=(WIDTH, 0.8 + 1.35 * lines), layout="constrained")
+    figure = PlainFigure(figsize=(width(), 0.8 + 1.35 * lines), layout="constrained")
     grid = figure.subplots(lines, columns, squeeze=False).ravel()
     for axes, repeats in zip(grid, shown, strict=False):
         _motion(axes, repeats, signal)
@@ -159,7 +160,7 @@ def held_out(rows: Sequence[tuple[str, Gap]]) -> Figure:
     figure, axes = single_panel(1.3 + 0.4 * len(rows))
     places = np.arange(len(rows))[::-1]
     looks = (
-        ([gap.before for _, gap in rows], 0.2, "0.6", "", "nominal"),
+        ([gap.before for _, gap in rows], 0.2, "0.45", "", "nominal"),
         ([gap.after for _, gap in rows], -0.2, BEST_COLOUR, "//", "corrected"),
     )
     for values, shift, colour, hatch, label in looks:
@@ -214,7 +215,7 @@ def _unpowered(axes: Axes, aligned: Aligned) -> None:
     off = np.atleast_1d(np.isnan(aligned.trial.drive.targets(aligned.time)).all(axis=1))
     for number, (begin, end) in enumerate(runs(off)):
         last = aligned.time[min(end, len(off) - 1)]
-        label = "unpowered" if number == 0 else None
+        label = "unpowered" if number == 0 else "_unpowered"
         axes.axvspan(aligned.time[begin], last, color="0.85", alpha=0.6, lw=0.0, zorder=0.5, label=label)
 
 
@@ -222,12 +223,12 @@ def _recording(axes: Axes, aligned: Aligned, name: str, number: int) -> None:
     """Draw the samples of one repeat."""
     used = aligned.trial.used[name]
     series = _scale(name) * (aligned.trial.signals[name] - _origin(aligned, name))
-    label = "measured" if number == 0 else None
+    label = "measured" if number == 0 else "_measured"
     size = 2.5 if len(series) > 60 else 4.0
     axes.plot(aligned.time[used], series[used], ".", color=COLOURS[0], ms=size, zorder=1.5, label=label)
     masked = ~used & np.isfinite(series)
     if masked.any():
-        axes.plot(aligned.time[masked], series[masked], "x", color="0.35", ms=4, mew=0.8)
+        axes.plot(aligned.time[masked], series[masked], "x", color="0.35", ms=4, mew=0.8, label="_measured")
 
 
 def _residuals(axes: Axes, repeats: Repeats, name: str) -> None:
@@ -251,7 +252,7 @@ def _residuals(axes: Axes, repeats: Repeats, name: str) -> None:
                 style,
                 color=colour,
                 lw=0.9,
-                label=label if number == 0 else None,
+                label=label if number == 0 else f"_{label}",
             )
     if after:
         axes.set_ylim(-reach, reach)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 import numpy as np
 from matplotlib import rc_context
@@ -16,20 +18,26 @@ from numpy.typing import NDArray
 
 from gaitopt.report.letters import drawable
 
-COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#000000")
-"""Okabe and Ito's palette, which colour-blind readers can tell apart; styles differ too, for print."""
+COLOURS = ("#0072b2", "#946200", "#00775a", "#b0307c", "#6a51c7", "#c24a00", "#000000")
+"""The hues of Okabe and Ito, which colour-blind readers can tell apart, dark enough for a contrast of 4.5 on
+white. Styles and marks differ too, for print."""
 
 STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), "-")
 MARKS = ("o", "^", "s", "D", "v")
 
-BEST_COLOUR = "#d55e00"
+BEST_COLOUR = COLOURS[5]
 """Of the optimised gait, the corrected robot and what slips back."""
 
 WIDTH = 6.0
-"""Inches: the column of a printed page; on a phone, a page across, ten-point type is still legible."""
+"""Inches: the column of a printed page."""
 
-_WIDEST_ROW = 4.0
-"""Inches of a name beside a row, at most: these leave some for what the row shows."""
+NARROW = 3.9
+"""Inches: the width of a phone, where ten-point type is as large as the page's."""
+
+_width = ContextVar("width", default=WIDTH)
+
+_WIDEST_ROW = 2 / 3
+"""Share of the width of a name beside a row, at most: it leaves some for what the row shows."""
 
 _MOST_POINTS = 2500
 """Points of a line, about; a printer can show no more."""
@@ -51,15 +59,30 @@ class PlainFigure(Figure):
             super().draw(renderer)
 
 
+@contextmanager
+def narrow() -> Iterator[None]:
+    """Draw figures that are as wide as a phone."""
+    token = _width.set(NARROW)
+    try:
+        yield
+    finally:
+        _width.reset(token)
+
+
+def width() -> float:
+    """Return the width of the figures that are drawn now, inches."""
+    return _width.get()
+
+
 def stacked_panels(rows: int, height: float, share_x: bool = True) -> tuple[Figure, list[Axes]]:
     """Return a figure of a height in inches, and its panels from top to bottom; by default, they share x."""
-    figure = PlainFigure(figsize=(WIDTH, height), layout="constrained")
+    figure = PlainFigure(figsize=(width(), height), layout="constrained")
     return figure, list(figure.subplots(rows, 1, squeeze=False, sharex=share_x)[:, 0])
 
 
 def single_panel(height: float) -> tuple[Figure, Axes]:
     """Return a figure of a height in inches, and its one panel."""
-    figure = PlainFigure(figsize=(WIDTH, height), layout="constrained")
+    figure = PlainFigure(figsize=(width(), height), layout="constrained")
     return figure, figure.subplots()
 
 
@@ -70,7 +93,7 @@ def name_panel(axes: Axes, name: str) -> None:
 
 def name_rows(axes: Axes, places: Sequence[float], names: Sequence[str], fontsize: float = 10.0) -> None:
     """Write names beside the rows of a panel."""
-    widest = 72.0 * _WIDEST_ROW / fontsize
+    widest = 72.0 * _WIDEST_ROW * width() / fontsize
     axes.set_yticks(places, [drawable(name, widest) for name in names], fontsize=fontsize)
 
 
@@ -90,7 +113,7 @@ def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
     figure.legend(
         *axes.get_legend_handles_labels(),
         loc="outside lower center",
-        ncols=columns,
+        ncols=columns if width() == WIDTH else min(columns, 2),
         fontsize=8.5,
         frameon=False,
     )

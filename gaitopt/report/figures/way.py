@@ -14,11 +14,11 @@ from gaitopt.report.figures.style import (
     BEST_COLOUR,
     COLOURS,
     STYLES,
-    WIDTH,
     PlainFigure,
     finish,
     legend_below,
     thinned,
+    width,
 )
 from gaitopt.report.letters import drawable
 from gaitopt.robot.roles import Roles
@@ -67,8 +67,8 @@ def from_above(ways: Sequence[Way], roles: Roles, best: str | None = None) -> Fi
         np.max([line.max(axis=0) for line in lines], axis=0),
     )
     wide, tall = np.maximum(high - low, 1e-3)
-    height = _BELOW + 0.2 * (len(ways) + 1) + float(np.clip(0.85 * WIDTH * tall / wide, 0.8, 4.5))
-    figure = PlainFigure(figsize=(WIDTH, float(np.clip(height, _LOWEST, _HIGHEST))), layout="constrained")
+    height = _BELOW + 0.2 * (len(ways) + 1) + float(np.clip(0.85 * width() * tall / wide, 0.8, 4.5))
+    figure = PlainFigure(figsize=(width(), float(np.clip(height, _LOWEST, _HIGHEST))), layout="constrained")
     axes = figure.subplots()
     axes.axhline(0.0, color="0.6", linewidth=0.8, linestyle=":")
     for index, way in enumerate(ways):
