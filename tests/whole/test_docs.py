@@ -192,7 +192,7 @@ def test_the_examples_of_the_help(quick: Problem) -> None:
     first = [found["gaitopt import"], found["gaitopt new"]]
     with brief():
         execute(found["gaitopt campaign new"])
-        film_of_a_campaign(Path("walk"), Path("film-1"))
+        film_of_a_campaign(Path("crawl"), Path("film-1"))
         for command in dict.fromkeys([*first, *found.values()]):
             if command not in run_elsewhere:
                 execute(command)

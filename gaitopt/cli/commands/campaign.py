@@ -158,7 +158,7 @@ def _print_status(known: Status, following: Next, options: Options) -> None:
     _print_next(following, options.folder, False)
 
 
-_EXAMPLE = "gaitopt campaign new arcfold --out walk"
+_EXAMPLE = "gaitopt campaign new arcfold --out crawl"
 
 COMMAND = Command(
     name="campaign",
@@ -175,21 +175,21 @@ COMMAND = Command(
         Command(
             name="next",
             summary="print what to film next, and why",
-            example="gaitopt campaign next walk",
+            example="gaitopt campaign next crawl",
             add_options=add_folder_options,
             run=next_film,
         ),
         Command(
             name="tell",
             summary="take a film in: diagnose all films, search again, propose the next one",
-            example="gaitopt campaign tell walk film-1",
+            example="gaitopt campaign tell crawl film-1",
             add_options=add_tell_options,
             run=tell,
         ),
         Command(
             name="status",
             summary="print films, best gait, causes and what is still to gain",
-            example="gaitopt campaign status walk",
+            example="gaitopt campaign status crawl",
             add_options=add_folder_options,
             run=status,
         ),
