@@ -20,11 +20,12 @@ from gaitopt.gait.gait import Gait
 from gaitopt.jobs.inputs import check_positive
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.tags import SHEET_TAGS, TAG_SIZES_MM, Tag, check_tag_number
+from gaitopt.track.follow import Dot, Patch
 from gaitopt.track.found import FilmTrack
 from gaitopt.track.shutter import LONGEST_S
-from gaitopt.track.sync import Beginning, TagMark, TimeMark
+from gaitopt.track.sync import Beginning, FrameMark, LampMark, TagMark, TimeMark
 from gaitopt.track.tracking import Tracker, track_film
-from gaitopt.track.untagged import PointTrack, PointTracker, track_point
+from gaitopt.track.untagged import Length, PointTrack, PointTracker, track_point
 
 T = TypeVar("T")
 
@@ -58,6 +59,48 @@ class TrackOptions:
     sync: Sequence[Beginning] = ()
     readout_ms: float | None = None
     points: Sequence[PointTracker] = ()
+
+
+def marks(
+    times_s: Sequence[float] = (),
+    frames: Sequence[int] = (),
+    lamps: Sequence[Sequence[float]] = (),
+    tags: Sequence[int] = (),
+) -> list[Beginning]:
+    """Return what shows that gaits begin: times, numbers of pictures, pixels of lamps, numbers of tags."""
+    return [
+        *map(TimeMark, times_s),
+        *map(FrameMark, frames),
+        *(LampMark(x, y) for x, y in lamps),
+        *map(TagMark, tags),
+    ]
+
+
+def points(
+    places: Sequence[Sequence[float]], lengths: Sequence[Sequence[float]], view: str = "side"
+) -> list[PointTracker]:
+    """Return what is followed in films without tags.
+
+    Args:
+        places: a dot, x and y, or a patch, x, y, width and height, in the first picture, pixels.
+        lengths: two points, x and y each, in the direction of travel, pixels, and their distance, mm.
+        view: ``side`` or ``top``.
+
+    Raises:
+        GaitoptError: there are not as many of each, or one of one.
+    """
+    if not places and not lengths:
+        return []
+    if not places or not lengths or (len(places) != len(lengths) and min(len(places), len(lengths)) > 1):
+        raise GaitoptError(
+            f"found {len(places)} of --dot and --patch, and {len(lengths)} of --length; allowed: both, one "
+            "of each or as many as films"
+        )
+    count = max(len(places), len(lengths))
+    return [
+        PointTracker(Dot(*place) if len(place) == 2 else Patch(*place), Length((x, y), (u, v), mm), view)
+        for place, (x, y, u, v, mm) in zip(_each(places, count), _each(lengths, count), strict=True)
+    ]
 
 
 @dataclass(frozen=True)

@@ -5,17 +5,10 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import GAIT, add_json, add_quiet, problem_of
-from gaitopt.core.errors import GaitoptError
-
-if TYPE_CHECKING:
-    from gaitopt.track.follow import Dot, Patch
-    from gaitopt.track.sync import Beginning
-    from gaitopt.track.untagged import Length, PointTracker
 
 
 def add_options(parser: Parser) -> None:
@@ -64,7 +57,7 @@ def _add_sync(parser: Parser) -> None:
     for name, kind, metavar, about in (
         ("at", float, "S", "the gait begins at this time in the film; one for all films, or one each"),
         ("frame", int, "N", "the gait begins in this picture; the first one is 0"),
-        ("led", _place, "X,Y", "a lamp at this pixel of the first picture lights up when the gait begins"),
+        ("led", _dot, "X,Y", "a lamp at this pixel of the first picture lights up when the gait begins"),
         ("tag", int, "ID", "this tag, of the robot or on what starts it, begins to move with the gait"),
     ):
         group.add_argument(
@@ -114,57 +107,16 @@ def _numbers(text: str, allowed: str) -> list[float]:
     return found
 
 
-def _dot(text: str) -> Dot:
-    from gaitopt.track.follow import Dot
-
-    return Dot(*_numbers(text, "X,Y in pixels"))
+def _dot(text: str) -> tuple[float, ...]:
+    return tuple(_numbers(text, "X,Y in pixels"))
 
 
-def _patch(text: str) -> Patch:
-    from gaitopt.track.follow import Patch
-
-    return Patch(*_numbers(text, "X,Y,W,H in pixels"))
+def _patch(text: str) -> tuple[float, ...]:
+    return tuple(_numbers(text, "X,Y,W,H in pixels"))
 
 
-def _length(text: str) -> Length:
-    from gaitopt.track.untagged import Length
-
-    x, y, u, v, mm = _numbers(text, "X1,Y1,X2,Y2,MM: two points in pixels and their distance")
-    return Length((x, y), (u, v), mm)
-
-
-def _points(options: Options) -> list[PointTracker]:
-    """Return what is followed in films without tags."""
-    from gaitopt.track.untagged import PointTracker
-
-    points, lengths = options.points, options.lengths
-    if not points and not lengths:
-        return []
-    if not points or not lengths or (min(len(points), len(lengths)) != 1 and len(points) != len(lengths)):
-        raise GaitoptError(
-            f"found {len(points)} of --dot and --patch, and {len(lengths)} of --length; allowed: both, one "
-            "of each or as many as films"
-        )
-    count = max(len(points), len(lengths))
-    points, lengths = (given * (count if len(given) == 1 else 1) for given in (points, lengths))
-    return [PointTracker(p, length, options.view) for p, length in zip(points, lengths, strict=True)]
-
-
-def _place(text: str) -> tuple[float, float]:
-    x, y = _numbers(text, "X,Y in pixels")
-    return x, y
-
-
-def _beginnings(options: Options) -> list[Beginning]:
-    """Return what shows, or says, when the gait begins."""
-    from gaitopt.track.sync import FrameMark, LampMark, TagMark, TimeMark
-
-    return [
-        *(TimeMark(at) for at in options.sync_at),
-        *(FrameMark(frame) for frame in options.sync_frame),
-        *(LampMark(*place) for place in options.sync_led),
-        *(TagMark(tag) for tag in options.sync_tag),
-    ]
+def _length(text: str) -> tuple[float, ...]:
+    return tuple(_numbers(text, "X1,Y1,X2,Y2,MM: two points in pixels and their distance"))
 
 
 def _tag(text: str) -> tuple[str, str]:
@@ -177,15 +129,15 @@ def _tag(text: str) -> tuple[str, str]:
 def run(options: Options) -> None:
     """Track the films, and print what was found."""
     from gaitopt.cli.progress import frames_display
-    from gaitopt.jobs.track import TrackOptions, track
+    from gaitopt.jobs.track import TrackOptions, marks, points, track
 
     unsaid = TrackOptions(
         tags={number: None if site == "floor" else site for number, site in options.tags},
         size_mm=options.size_mm,
         ruler_mm=options.ruler_mm,
-        sync=_beginnings(options),
+        sync=marks(options.sync_at, options.sync_frame, options.sync_led, options.sync_tag),
         readout_ms=options.readout_ms,
-        points=_points(options),
+        points=points(options.points, options.lengths, options.view),
     )
     with frames_display(options.quiet) as show:
         problem = problem_of(options)

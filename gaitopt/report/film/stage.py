@@ -115,3 +115,13 @@ def looking(stand: Stand) -> tuple[Array, Array]:
     right /= np.linalg.norm(right)
     turn = np.stack([right, np.cross(ahead, right), ahead])
     return turn, -turn @ place
+
+
+def robot_corners(data: mujoco.MjData) -> Array:
+    """Return the corners of the boxes around the robot's visible geoms in the world, m, shape (n, 3)."""
+    model = data.model
+    own = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_rgba[:, 3] > 0.0))
+    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+    local = model.geom_aabb[own, None, :3] + signs * model.geom_aabb[own, None, 3:]
+    turned = np.einsum("gij,gcj->gci", data.geom_xmat[own].reshape(-1, 3, 3), local)
+    return np.asarray(data.geom_xpos[own, None] + turned).reshape(-1, 3)

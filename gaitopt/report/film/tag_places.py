@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw
 
 from gaitopt.problem.problem import Problem
 from gaitopt.report.film.phone import Phone, Studio
-from gaitopt.report.film.stage import Stage, Stand, stage_of
+from gaitopt.report.film.stage import Stage, Stand, robot_corners, stage_of
 from gaitopt.report.letters import drawable, font
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ def _picture(
     studio: Studio, stage: Stage, data: mujoco.MjData, pose: Array, here: Sequence[int], ahead: Array
 ) -> Image.Image:
     """Return the robot from a direction, with some of its tags named."""
-    corners = _corners(data) @ stage.axes.T
+    corners = robot_corners(data) @ stage.axes.T
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     radius = 0.5 * float(np.linalg.norm(np.ptp(corners, axis=0)))
     far = 0.95 * radius / math.sin(math.atan(0.5 * _CAMERA.size[1] / _CAMERA.focal))
@@ -105,16 +105,6 @@ def _draw_forward(
     tip = [tuple(end + 14.0 * along), tuple(end - 8.0 * across), tuple(end + 8.0 * across)]
     draw.polygon(tip, fill=(0, 114, 178))
     draw.text((float(begin[0]), float(begin[1]) + 8.0), "forward", (0, 114, 178), font(20))
-
-
-def _corners(data: mujoco.MjData) -> Array:
-    """Return the corners of the boxes around the robot's geoms in the world, m, shape (n, 3)."""
-    model = data.model
-    own = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_rgba[:, 3] > 0.0))
-    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-    local = model.geom_aabb[own, None, :3] + signs * model.geom_aabb[own, None, 3:]
-    turned = np.einsum("gij,gcj->gci", data.geom_xmat[own].reshape(-1, 3, 3), local)
-    return np.asarray(data.geom_xpos[own, None] + turned).reshape(-1, 3)
 
 
 def _three(point: Array) -> tuple[float, float, float]:
