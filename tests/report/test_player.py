@@ -1,6 +1,7 @@
 """The robot on a page: its recorded poses, and what a browser makes of them."""
 
 import base64
+import io
 import json
 import re
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from helpers import STRIDER
 from numpy.typing import NDArray
 from PIL import Image
 
+from gaitopt.gait.gait import Channel, Gait
 from gaitopt.problem.problem import load_problem
 from gaitopt.report.film.encode import write_mp4
 from gaitopt.report.film.section import film_part
@@ -155,6 +157,12 @@ def slide(tab: Tab, at: float) -> str:
     return str(tab.value(CANVAS))
 
 
+def picture(address: str) -> NDArray[np.float64]:
+    """The pixels of a picture in a page, shape (height, width, 3)."""
+    data = base64.b64decode(address.partition(",")[2])
+    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
+
+
 def click(tab: Tab, chosen: str) -> str:
     """The picture after a control was clicked."""
     tab.value(f"document.querySelector({f'.player {chosen}'!r}).click()")
@@ -173,14 +181,32 @@ def test_the_player_draws_the_robot_and_follows_the_slider(tab: Tab, tmp_path: P
     assert first != later == slide(tab, 0.7)
     assert slide(tab, 0.0) == first
     assert "0.00 s of" in tab.value("document.querySelector('[data-part=clock]').textContent")
+    assert tab.messages == []
+
+
+@pytest.mark.slow
+@needs_browser
+@pytest.mark.parametrize("name", ["arcfold", "quadruped", "snake", "servo-bench"])
+def test_every_bundled_robot_is_drawn(name: str, tab: Tab, tmp_path: Path) -> None:
+    problem, path = load_problem(name), tmp_path / "page.html"
+    channel = Channel(duty=0.5, phase=0.0, amplitude_deg=20.0, offset_deg=0.0)
+    moves = Gait(1.0, dict.fromkeys(problem.channel_names, channel), "moves")
+    simulator = Simulator.build(problem)
+    trajectory = simulator.run(moves, duration=0.5, poses=True)
+    html = page(shown_takes(simulator, {"moves": moves}, {"moves": trajectory}))
     played = content(html)
     for robot in played["robots"]:
-        robot["shapes"] = [shape for shape in robot["shapes"] if shape["body"] < 0]
-    path.write_text(html.replace(json.dumps(content(html)), json.dumps(played)))
-    assert path.read_text() != html
-    tab.opened(path, **STILL)
-    click(tab, "[data-part=trail]")
-    assert slide(tab, 0.0) != first
+        for shape in robot["shapes"]:
+            if shape["body"] >= 0:
+                shape["colour"] = [0.0, 0.0, 0.0, 0.0]
+    pictures = []
+    for text in (html, html.replace(json.dumps(content(html)), json.dumps(played))):
+        path.write_text(text)
+        tab.opened(path, **STILL)
+        pictures.append(picture(slide(tab, 0.3)))
+    different = np.abs(pictures[0] - pictures[1]).max(axis=2) > 20
+    assert 0.004 < different.mean() < 0.6
+    assert np.ptp(np.flatnonzero(different.any(axis=0))) < 0.95 * different.shape[1]
     assert tab.messages == []
 
 

@@ -11,7 +11,10 @@
   const VIEW = 30 * Math.PI / 180;
   const VIEWS = {side: [-75, 20], above: [-90, 89.5], front: [20, 12]};  // degrees about up from forward, above level
   const round = x => { const p = 10 ** Math.floor(Math.log10(x)); return p * (x >= 5 * p ? 5 : x >= 2 * p ? 2 : 1); };
-  const length = m => { const mm = Number((1e3 * m).toPrecision(3)); return `${mm === 0 ? 0 : mm} mm`.replace("-", "−"); };
+  const length = m => {
+    const mm = Math.abs(m) < 0.1 ? (1e3 * m).toFixed(1) : (1e3 * m).toFixed(0);
+    return `${Number(mm) || 0} mm`.replace("-", "−");
+  };
   const luminance = ([r, g, b]) => 0.2126 * r + 0.7152 * g + 0.0722 * b;
 
   // A motion: where each body is at any time.
@@ -150,7 +153,7 @@
       const back = add(level.map(x => x * Math.cos(elevation)), up, Math.sin(elevation));
       const all = around(state.beside ? state.chosen.map(k => extents[k]) : [extents[n]]);
       const centre = state.follow ? one.followed(state.t) : all.middle;
-      const size = 0.66 * radius + (state.follow ? 0 : all.half);
+      const size = 0.66 * radius + (state.follow ? 0 : all.half / Math.max(1, aspect));
       const distance = size / Math.sin(VIEW / 2) / Math.min(1, aspect) / state.zoom;
       const eye = add(centre, back, distance);
       const light = unit(add(add(add(back, up, 1.6), forward, 0.5), left, 0.3));
