@@ -90,7 +90,8 @@ class Search:
         evaluator = evaluator_on(problem, scenarios, executor, problem.objective.search_margin)
         key = repr((versions_text(), evaluator.setup.key, budget, self.seed, [one.key for one in starts]))
         digest = hashlib.sha256(key.encode()).hexdigest()
-        journal = Journal(self.folder / f"search-{number}.csv", problem, digest)
+        path = self.folder / f"search-{number}-{digest[:8]}.csv"  # another version begins another journal
+        journal = Journal(path, problem, digest)
         seed = int(generator(self.seed, Stream.CAMPAIGN_SEARCH, number).integers(2**31))
         study = Study(evaluator, journal, max(1, budget), seed, on_progress, self.settings.search.study)
         costs = [one.evaluation.cost for one in evaluator(starts)]

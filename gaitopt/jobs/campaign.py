@@ -30,6 +30,7 @@ from gaitopt.jobs.outputs import Stopped
 from gaitopt.problem.instruments import measurable_signals
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
+from gaitopt.robot.signals import kind_of, site_of
 from gaitopt.runs.campaign_folder import CampaignFolder, Request, Rival, digest_of
 from gaitopt.runs.folder import held, write_into
 from gaitopt.simulation.objective import check_searchable
@@ -354,9 +355,8 @@ class Campaign:
         Raises:
             GaitoptError: one does not.
         """
-        sites = {
-            signal.split(".")[1] for _, trial in fresh for signal in trial.signals if signal[:4] == "site"
-        }
+        names = {signal for _, trial in fresh for signal in trial.signals}
+        sites = {site_of(name) for name in names if kind_of(name) == "site"}
         robot = Simulator.build(StepWork.known_robot(self._folder).observing(sorted(sites)))
         others = [*self.problem.baselines.values(), *self._folder.gaits.values()]
         for film, trial in fresh:
