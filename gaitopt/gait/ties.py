@@ -122,10 +122,9 @@ class TiedSpace:
             for share, (key, (low, high)) in zip(shares, bounds, strict=True)
         }
         channels = {
-            c: _followed(leaders.channels[f.leader], f.ahead(shifts), f.sign) if f.leader != c
-            else leaders.channels[c]
+            c: leaders.channels[c] if f.leader == c else _followed(leaders.channels[f.leader], f, shifts)
             for c, f in self.followers.items()
-        }  # fmt: skip
+        }
         return Gait(leaders.period_s, channels, name)
 
     def encode(self, gait: Gait) -> NDArray[np.float64]:
@@ -195,12 +194,13 @@ def _opposite(range_: Range, whole: float, sign: int) -> Range:
     return (low, high) if sign > 0 else (whole - high, whole - low)
 
 
-def _followed(leader: Channel, ahead: float, sign: int) -> Channel:
+def _followed(leader: Channel, follower: Follower, shifts: Mapping[str, float]) -> Channel:
     """Return the wave of a channel that follows another one.
 
     A mirrored wave keeps the sign of its amplitude: it is up while the other one is down.
     """
-    if sign > 0:
+    ahead = follower.ahead(shifts)
+    if follower.sign > 0:
         return leader.model_copy(update={"phase": _cycle(leader.phase + ahead)})
     return leader.model_copy(
         update={
@@ -212,4 +212,5 @@ def _followed(leader: Channel, ahead: float, sign: int) -> Channel:
 
 
 def _cycle(phase: float) -> float:
+    """Return a phase within a cycle, from 0 to below 1; ``phase % 1.0`` is 1.0 just below 0."""
     return math.fmod(math.fmod(phase, 1.0) + 1.0, 1.0)

@@ -153,9 +153,9 @@ class Study:
 
     def _start(self, method: Method, starts: Sequence[Start], planned: Sequence[Gait]) -> NDArray[np.float64]:
         """Evaluate the gaits of the plan or the first batch, and return the best point known then."""
-        known = [_Known(self._space.encode(start.gait), start.cost) for start in starts]
         if self._tied_spaces:
             return self._tied_start(method, starts, planned)
+        known = [_Known(self._space.encode(start.gait), start.cost) for start in starts]
         if planned:
             points = np.array([self._space.encode(gait) for gait in planned])[: self._left]
             known += self._known("plan", points)
