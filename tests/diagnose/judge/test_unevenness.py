@@ -20,9 +20,9 @@ def test_a_servo_that_limps_is_something_else(arcfold: Problem, tmp_path: Path) 
     """Although an effect of the library may explain a good part of the gap."""
     simulator = Simulator.build(arcfold)
     limping = OUTSIDE["limping_servo"]
-    robot = disturbed(simulator, limping, limping.draw(np.random.default_rng(2), 0.9, simulator))
-    walk = robot.observe(robot.run(arcfold.baselines["square-1s"], duration=7.0))
-    trials = {"limping": ("square-1s", recording_of(walk))}
+    robot = disturbed(simulator, limping, limping.draw(np.random.default_rng(1), 0.9, simulator))
+    walk = robot.observe(robot.run(arcfold.baselines["square-2s"], duration=14.0))
+    trials = {"limping": ("square-2s", recording_of(walk))}
     folder = dataset(tmp_path / "data", trials, starts_at_gait_time_s=0.0)
     with open_executor("threads", 2) as executor:
         data = load_dataset(folder, arcfold, list(SIGNALS))
