@@ -91,9 +91,7 @@ def tracked(
 ) -> tracking.FilmTrack:
     """What tracking makes of given corners."""
 
-    def given(
-        film: Path, eye: object, progress: object
-    ) -> tuple[Array, list[dict[int, Array]], tuple[int, int]]:
+    def given(*_: object) -> tuple[Array, list[dict[int, Array]], tuple[int, int]]:
         return np.arange(len(frames)) / 30.0, frames, LENS.size
 
     monkeypatch.setattr(tracking, "_seen", given)
