@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from gaitopt.track.path import cameras_of
 from gaitopt.track.pose import Pose, fitted
-from gaitopt.track.room import Room, Seen, rays_on_floor
+from gaitopt.track.room import FloorTag, Room, Seen, rays_on_floor, solved_room
+from gaitopt.track.settings import DEFAULT, TrackSettings
 
 Array = NDArray[np.float64]
 
@@ -21,6 +24,59 @@ _SURE = 4.0
 
 _FEWEST = 12
 """Fewest corners of the floor in a picture that tells something of the shutter."""
+
+_ROUNDS = 2
+"""Rounds in which shutter, lens and cameras are solved."""
+
+
+@dataclass(frozen=True)
+class Unrolled:
+    """What is seen in a film, as a shutter that does not roll would see it.
+
+    Attributes:
+        frames: corners in each picture.
+        room: lens and floor.
+        cameras: pose of the floor in the camera's frame of each picture.
+        readout: how much later the last column and the last row were seen than the first, s, shape (2,).
+    """
+
+    frames: Sequence[Seen]
+    room: Room
+    cameras: Sequence[Pose | None]
+    readout: Array
+
+
+def unrolled(
+    times: Array,
+    frames: Sequence[Seen],
+    room: Room,
+    floor: Mapping[int, FloorTag],
+    settings: TrackSettings = DEFAULT,
+    said: Array | None = None,
+) -> Unrolled:
+    """Return what a shutter that does not roll would see; of a camera on a stand, what is seen.
+
+    Args:
+        times: time stamps of the pictures, s, shape (n,).
+        frames: the corners in them.
+        room: lens and floor, solved from them.
+        floor: the tags of the floor, as for `solved_room`.
+        settings: what is expected of a lens.
+        said: the readout, if it is known, s, shape (2,).
+
+    Raises:
+        GaitoptError: the floor is not in view.
+    """
+    readout = np.zeros(2) if said is None else said
+    found = Unrolled(frames, room, cameras_of(frames, room, settings), readout)
+    for _ in range(_ROUNDS if room.camera is None else 0):
+        readout = readout_of(times, frames, found.cameras, found.room) if said is None else said
+        if not readout.any():
+            break
+        straight = straightened(times, frames, found.cameras, found.room, readout)
+        solved = solved_room(straight, floor, room.lens.size, settings)
+        found = Unrolled(straight, solved, cameras_of(straight, solved, settings), readout)
+    return found
 
 
 def readout_of(times: Array, frames: Sequence[Seen], cameras: Sequence[Pose | None], room: Room) -> Array:

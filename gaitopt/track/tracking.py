@@ -13,7 +13,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.diagnose.record.defect import Defect, counted, spans_of
 from gaitopt.problem.problem import Problem
-from gaitopt.problem.tags import SHEET_TAGS, Tag
+from gaitopt.problem.tags import Tag
 from gaitopt.robot.signals import AXES, MARKER, TURNS, joint_signal
 from gaitopt.track import path as paths
 from gaitopt.track.bodies import Link, TaggedRobot
@@ -24,7 +24,7 @@ from gaitopt.track.pose import Pose
 from gaitopt.track.room import FloorTag, Room, Seen, solved_room
 from gaitopt.track.seeing import Eye, edge_of
 from gaitopt.track.settings import DEFAULT, TrackSettings
-from gaitopt.track.shutter import lateness, readout_of, said_readout, straightened
+from gaitopt.track.shutter import lateness, said_readout, unrolled
 from gaitopt.track.sync import (
     UNKNOWN,
     Beginning,
@@ -41,9 +41,6 @@ Array = NDArray[np.float64]
 
 _FEWEST = 10
 """Fewest pictures of a film."""
-
-_SHUTTER_ROUNDS = 2
-"""Rounds in which a rolling shutter, lens and cameras are solved."""
 
 _REACH = 8.0
 """Standard deviations within which a joint has to move the bodies alike."""
@@ -123,32 +120,24 @@ def track_film(
     missing = _check_seen(film, robot, frames, eye)
     try:
         room = solved_room(frames, tracker.floor, size, settings)
+        _check_sizes(room)
+        said = None if readout_s is None else said_readout(readout_s, facts_of(film).quarters)
+        view = unrolled(time, frames, room, tracker.floor, settings, said)
     except GaitoptError as error:
         raise GaitoptError(f"{film}: {error}") from None
-    _check_sizes(film, room)
-    cameras = paths.cameras_of(frames, room, settings)
-    readout = np.zeros(2) if readout_s is None else said_readout(readout_s, facts_of(film).quarters)
-    straight: Sequence[Seen] = frames
-    for _ in range(_SHUTTER_ROUNDS if room.camera is None else 0):
-        readout = readout_of(time, frames, cameras, room) if readout_s is None else readout
-        if not readout.any():
-            break
-        straight = straightened(time, frames, cameras, room, readout)
-        room = solved_room(straight, tracker.floor, size, settings)
-        cameras = paths.cameras_of(straight, room, settings)
+    room, cameras = view.room, view.cameras
     found = {}
     for body in robot.bodies:
-        path = paths.path_of(body, straight, cameras, room, settings)
+        path = paths.path_of(body, view.frames, cameras, room, settings)
         if path.seen.any():
-            found[body.site] = path.on_time(time, lateness(body.tags, frames, size, readout))
+            found[body.site] = path.on_time(time, lateness(body.tags, frames, size, view.readout))
     signals, noise = _signals(robot, found)
     joints, joint_noise, defects = _joints(film, robot, found, settings)
     sync = _beginning(beginning, lamp, time, frames, cameras, room)
     everything = [*missing, *_strangers(film, eye), *_outliers(film, found, time), *defects]
     if sync.at_s is None and beginning is not None:
         everything.append(Defect("sync_not_found", film.stem, sync.how, 0))
-    seen_floor = [n for n in room.floor if n in SHEET_TAGS or n in tracker.floor]
-    numbers = [*robot.numbers(), *seen_floor]
+    numbers = [*robot.numbers(), *room.floor]
     return FilmTrack(
         film,
         time,
@@ -160,7 +149,7 @@ def track_film(
         tuple(everything),
         frames,
         _edges(frames, numbers),
-        float(readout[np.argmax(np.abs(readout))]),
+        float(view.readout[np.argmax(np.abs(view.readout))]),
         sync,
     )
 
@@ -220,13 +209,13 @@ def _check_seen(film: Path, robot: TaggedRobot, frames: Sequence[Seen], eye: Eye
     ]
 
 
-def _check_sizes(film: Path, room: Room) -> None:
+def _check_sizes(room: Room) -> None:
     """Check that the tags of the floor are as large as was said."""
     for number, ratio in room.sizes.items():
         if abs(ratio - 1.0) > _SAME:
             said = 1e3 * room.floor[number].size
             raise GaitoptError(
-                f"{film}: tag {number}: found {ratio * said:.1f} mm on the floor, by the other tags, where "
+                f"tag {number}: found {ratio * said:.1f} mm on the floor, by the other tags, where "
                 f"{said:g} mm was said; print at 100 %, or say size_mm in [tags.{number}], or --ruler-mm"
             )
 

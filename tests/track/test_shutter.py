@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from gaitopt.core.streams import seeded
 from gaitopt.report.film.stage import Stand, looking, sheet_at
+from gaitopt.track import shutter
 from gaitopt.track.floor_sheet import SHEET_TAG_MM
 from gaitopt.track.lens import Lens
 from gaitopt.track.path import cameras_of
@@ -78,6 +79,18 @@ def test_the_camera_is_better_known_when_the_shutter_is() -> None:
         ]
         errors.append(np.sqrt(np.mean(np.square(away))))
     assert errors[1] < 0.8 * errors[0]
+
+
+def test_what_was_undone_is_what_is_said_although_a_second_look_is_not_sure(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    frames = filmed(np.array([0.0, 0.015]))
+    looks = iter([np.array([0.0, 0.014]), np.zeros(2)])
+    monkeypatch.setattr(shutter, "readout_of", lambda *_: next(looks))
+    found = shutter.unrolled(TIMES, frames, solved_room(frames, floor(), LENS.size), floor())
+    assert found.readout.tolist() == [0.0, 0.014]
+    assert found.frames is not frames
+    assert next(looks, None) is None
 
 
 def test_a_shutter_that_does_not_roll_is_left_alone() -> None:
