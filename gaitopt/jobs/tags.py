@@ -11,7 +11,7 @@ from gaitopt.core.errors import GaitoptError, bad_value, found
 from gaitopt.core.files import check_replaceable, write_with
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem
-from gaitopt.problem.tags import TAG_SIZE_MM, TAG_SIZES_MM, check_tag_number
+from gaitopt.problem.tags import TAG_SIZE_MM, TAG_SIZES_MM, Tag, check_tag_number
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -123,5 +123,5 @@ def tag_numbers(text: str) -> list[int]:
     return numbers
 
 
-def _name(tag: object) -> str:
-    return str(getattr(tag, "site", None) or "")
+def _name(tag: Tag | None) -> str:
+    return "" if tag is None else tag.site or ""
