@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -109,6 +110,22 @@ def problem_of(options: Options) -> Problem:
 def words_of(text: str | None) -> list[str] | None:
     """Return the parts of a list written as ``A,B,…``; None where none is given."""
     return text.split(",") if text else None
+
+
+def pair(form: str) -> Callable[[str], tuple[str, str]]:
+    """Return what reads two words with ``=`` between them.
+
+    Args:
+        form: how they are written, such as ``CHANNEL=COLUMN``.
+    """
+
+    def read(text: str) -> tuple[str, str]:
+        name, separator, other = text.partition("=")
+        if not (name and separator and other):
+            raise argparse.ArgumentTypeError(f"found {text!r}; allowed: {form}")
+        return name, other
+
+    return read
 
 
 def _assignment(text: str) -> tuple[str, float]:

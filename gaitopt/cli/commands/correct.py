@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json, say
-from gaitopt.cli.options import add_json, add_problem, problem_of
+from gaitopt.cli.options import add_json, add_problem, pair, problem_of
 
 if TYPE_CHECKING:
     from gaitopt.jobs.correct import CorrectedServos
@@ -26,7 +25,7 @@ def add_options(parser: Parser) -> None:
         metavar="CHANNEL=BENCH_CHANNEL",
         action="append",
         default=[],
-        type=_pair,
+        type=pair("CHANNEL=BENCH_CHANNEL"),
         help="a channel of PROBLEM, and the channel of RUN that is its servo; may be repeated "
         "(default: channels of the same names, or all, where RUN has one)",
     )
@@ -55,13 +54,6 @@ def _print(done: CorrectedServos) -> None:
     for row in done.left_out:
         say(f"left out: {row.what}: {row.reason}")
     say(f"wrote {done.file}")
-
-
-def _pair(text: str) -> tuple[str, str]:
-    name, separator, other = text.partition("=")
-    if not (separator and name and other):
-        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: CHANNEL=BENCH_CHANNEL")
-    return name, other
 
 
 COMMAND = Command(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json, say
-from gaitopt.cli.options import GAIT, add_json
+from gaitopt.cli.options import GAIT, add_json, pair
 from gaitopt.core.numbers import number
 
 
@@ -38,7 +38,7 @@ def add_options(parser: Parser) -> None:
         dest="commands",
         action="append",
         default=[],
-        type=_pair,
+        type=pair("NAME=COLUMN"),
         metavar="CHANNEL=COLUMN",
         help="column of a channel's commands, where its name does not say it; may be repeated, and no other "
         "columns are taken then",
@@ -48,7 +48,7 @@ def add_options(parser: Parser) -> None:
         dest="signals",
         action="append",
         default=[],
-        type=_pair,
+        type=pair("NAME=COLUMN"),
         metavar="SIGNAL=COLUMN",
         help="the same for what was measured, such as joint.NAME=COLUMN",
     )
@@ -81,13 +81,6 @@ def add_options(parser: Parser) -> None:
     add("--marker", metavar="NAME", help="which of several tracked points")
     add("--sync-at", type=float, metavar="S", help="time stamp at which the gait began, if it was filmed")
     add_json(parser)
-
-
-def _pair(text: str) -> tuple[str, str]:
-    name, separator, column = text.partition("=")
-    if not (name and separator and column):
-        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: NAME=COLUMN")
-    return name, column
 
 
 def _scale(text: str) -> tuple[str, float]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json, say
-from gaitopt.cli.options import GAIT, add_json, add_quiet, problem_of
+from gaitopt.cli.options import GAIT, add_json, add_quiet, pair, problem_of
 
 
 def add_options(parser: Parser) -> None:
@@ -24,7 +24,7 @@ def add_options(parser: Parser) -> None:
         dest="tags",
         action="append",
         default=[],
-        type=_tag,
+        type=pair("ID=SITE"),
         metavar="ID=SITE",
         help="where a tag sits, beside the problem's [tags]; ID=floor for one on the floor; may be repeated",
     )
@@ -117,13 +117,6 @@ def _patch(text: str) -> tuple[float, ...]:
 
 def _length(text: str) -> tuple[float, ...]:
     return tuple(_numbers(text, "X1,Y1,X2,Y2,MM: two points in pixels and their distance"))
-
-
-def _tag(text: str) -> tuple[str, str]:
-    number, separator, site = text.partition("=")
-    if not (number and separator and site):
-        raise argparse.ArgumentTypeError(f"found {text!r}; allowed: ID=SITE")
-    return number, site
 
 
 def run(options: Options) -> None:
