@@ -15,7 +15,7 @@ from gaitopt.optimise.verification import scenarios_of, scenarios_on_every_robot
 from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import comparison as comparison_figures
 from gaitopt.report.figures import gait as gait_figures
-from gaitopt.report.motion import player_part, shown_takes, way_picture, ways_of
+from gaitopt.report.motion import player_part, shown_takes, way_picture, ways_of, working_text
 from gaitopt.report.page import Page, Picture, Section, Table, after_results, folded, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.tables import metric_table
@@ -55,7 +55,10 @@ def _page(
     shown = dict(zip(known, gaits, strict=True))
     simulator = Simulator.build(problem)
     trajectories = rollouts(simulator, shown)
-    caption = "The gaits on the nominal robot, from the start, on one clock. Choose which two are shown."
+    caption = (
+        f"The gaits on the nominal robot, {working_text(problem)}, from the start, on one clock. "
+        "Choose which two are shown."
+    )
     player = player_part("The robot", caption, shown_takes(simulator, shown, trajectories))
     ways = ways_of(problem, shown, trajectories, _scenarios(problem, seed))
     return Page(

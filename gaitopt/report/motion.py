@@ -15,6 +15,7 @@ from gaitopt.report.figures.way import Way, from_above
 from gaitopt.report.film.section import FilmPart
 from gaitopt.report.film.take import Take
 from gaitopt.report.page import Picture, Section, rendered
+from gaitopt.report.words import fidelity_text
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
@@ -61,6 +62,12 @@ def player_part(title: str, caption: str, takes: Sequence[Take], beside: bool = 
     body = rendered("player.html", title=title, caption=f"{caption} {_HOW}", player=player)
     section = Section(title, body=body, styles=["player.css"], scripts=["player-scene.js", "player.js"])
     return FilmPart(sections=(section,))
+
+
+def working_text(problem: Problem) -> str:
+    """Return in words how finely the motions on a page are simulated."""
+    working = problem.simulation.working
+    return f"{fidelity_text(working.timestep_s, working.integrator)}, the working fidelity"
 
 
 def ways_of(
@@ -113,6 +120,8 @@ def way_picture(
     if not ways:
         return {}
     caption = "The marker's way, seen from above, with one scale along and across. "
+    if gaits:
+        caption += f"Simulated {working_text(problem)}. "
     draws = max(len(way.draws) for way in ways)
     if draws:
         robots = "robots of a posterior" if problem.robots else "scenarios"

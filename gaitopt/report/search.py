@@ -21,7 +21,7 @@ from gaitopt.report.figures import comparison as comparison_figures
 from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.figures import search as search_figures
 from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
-from gaitopt.report.motion import player_part, shown_takes, way_picture, ways_of
+from gaitopt.report.motion import player_part, shown_takes, way_picture, ways_of, working_text
 from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.rollouts import rollouts
 from gaitopt.report.tables import gait_table, metric_table
@@ -219,8 +219,8 @@ def _player(
     """Return the player of all gaits, the winner and the fastest baseline first."""
     ordered = _first_shown(summary, trajectories) | dict(trajectories)
     caption = (
-        "The optimised gait and the hand-tuned gaits on the nominal robot, from the start, on one clock. "
-        "Choose which two are shown."
+        f"The optimised gait and the hand-tuned gaits on the nominal robot, "
+        f"{working_text(simulator.problem)}, from the start, on one clock. Choose which two are shown."
     )
     return player_part("The robot", caption, shown_takes(simulator, gaits, ordered))
 

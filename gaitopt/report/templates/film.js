@@ -1,6 +1,7 @@
 // Films: slower, and picture by picture. Some browsers seek in a blob only, not in a data URI.
 for (const film of document.querySelectorAll(".film")) {
   const video = film.querySelector("video"), fps = Number(video.dataset.fps);
+  video.poster = film.querySelector("img").src;
   const code = atob(video.src.slice(video.src.indexOf(",") + 1));
   video.src = URL.createObjectURL(new Blob([Uint8Array.from(code, c => c.charCodeAt(0))], {type: "video/mp4"}));
   for (const button of film.querySelectorAll("[data-rate]")) button.addEventListener("click", () => {
