@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    ProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.progress import Progress as Bar
 
 from gaitopt.cli.display import plain_console
@@ -93,45 +100,51 @@ def _words(text: str) -> TextColumn:
     return TextColumn(text, markup=False)
 
 
-@contextmanager
-def steps_display(quiet: bool) -> Iterator[OnProgress]:
+def steps_display(quiet: bool) -> AbstractContextManager[OnProgress]:
     """Yield the function that a diagnosis calls with its progress, the number of simulated robots."""
-    console = plain_console(stderr=True)
-    if quiet:
-        yield silent
-    elif console.is_terminal:
-        columns = (_words("{task.description}"), BarColumn(), MofNCompleteColumn(), _words("robots"))
-        with Bar(*columns, TimeElapsedColumn(), console=console) as bar:
-            task = bar.add_task("", total=None)
-            yield lambda step: bar.update(
-                task, description=plain(step.stage), completed=step.done, total=step.total
-            )
-    else:
-        said: set[str] = set()
+    return _display(quiet, "robots", TimeElapsedColumn(), _stage_lines)
 
-        def show(step: Progress) -> None:
-            if step.stage not in said:
-                said.add(step.stage)
-                say_aside(f"{step.stage} …")
 
-        yield show
+def frames_display(quiet: bool) -> AbstractContextManager[OnProgress]:
+    """Yield the function that the tracking of films calls with its progress, the number of pictures."""
+    return _display(quiet, "frames", TimeRemainingColumn(), _film_lines)
 
 
 @contextmanager
-def frames_display(quiet: bool) -> Iterator[OnProgress]:
-    """Yield the function that the tracking of films calls with its progress, the number of pictures."""
+def _display(
+    quiet: bool, unit: str, clock: ProgressColumn, lines: Callable[[], OnProgress]
+) -> Iterator[OnProgress]:
+    """Yield the function that a job calls with its progress.
+
+    Args:
+        quiet: whether nothing is printed.
+        unit: what is counted, in words.
+        clock: the last column of the bar on a terminal.
+        lines: makes what prints lines where there is no terminal.
+    """
     console = plain_console(stderr=True)
     if quiet:
         yield silent
     elif console.is_terminal:
-        columns = (_words("{task.description}"), BarColumn(), MofNCompleteColumn(), _words("frames"))
-        with Bar(*columns, TimeRemainingColumn(), console=console) as bar:
+        columns = (_words("{task.description}"), BarColumn(), MofNCompleteColumn(), _words(unit))
+        with Bar(*columns, clock, console=console) as bar:
             task = bar.add_task("", total=None)
             yield lambda step: bar.update(
                 task, description=plain(step.stage), completed=step.done, total=step.total
             )
     else:
-        yield _film_lines()
+        yield lines()
+
+
+def _stage_lines() -> OnProgress:
+    said: set[str] = set()
+
+    def show(step: Progress) -> None:
+        if step.stage not in said:
+            said.add(step.stage)
+            say_aside(f"{step.stage} …")
+
+    return show
 
 
 def _film_lines() -> OnProgress:
