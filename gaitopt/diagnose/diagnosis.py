@@ -87,6 +87,7 @@ class Diagnosis:
         experiment: what to measure next; None where there is nothing to tell apart.
         robots: robots drawn from the posterior; none where nothing was fitted.
         predictions: what is expected of each baseline and of each gait or log of the data set.
+        tried: names of the effects that were tried; none where nothing was fitted.
     """
 
     problem: str
@@ -98,6 +99,7 @@ class Diagnosis:
     experiment: Experiment | CommandExperiment | None = None
     robots: tuple[EffectValues, ...] = ()
     predictions: tuple[Prediction, ...] = ()
+    tried: tuple[str, ...] = ()
 
     @property
     def defective(self) -> list[str]:
@@ -255,6 +257,7 @@ class Diagnosis:
             "other_probability": self.found.other_probability if self.found else None,
             "p_value": self.found.p_value if self.found else None,
             "unevenness": self.found.unevenness if self.found else None,
+            "tried": list(self.tried),
             "effects": [row.to_dict() for row in self.found.effects] if self.found else [],
             "explanations": self.found.explanations if self.found else [],
             "misfit_trials": self.misfit_trials,
@@ -305,7 +308,8 @@ def diagnose(
     on_progress(Progress("predicting gaits", found.n_robots, unit="robots"))
     robots = draw_robots(found, request.seed)
     expected = predictions(found, robots, executor, request.seed)
-    located = replace(located, robots=robots, predictions=expected)
+    names = tuple(dict.fromkeys(one.effect.name for one in tried)) if found.candidates else ()
+    located = replace(located, robots=robots, predictions=expected, tried=names)
     if found.verdict == "no_gap" or not request.next_gait:
         return replace(located, found=found)
     experiment = _next_experiment(simulator, located, found, context, on_progress)

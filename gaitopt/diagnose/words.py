@@ -157,8 +157,12 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
             f"{estimate.value:.4g} ({low:.4g} to {high:.4g})"
         )
         if row.name not in best.names:
-            text += f"; its signature and that of {best.label} have a cosine of {row.alike:.2f}"
+            text += _likeness(row.alike, best.label)
         sentences.append(f"{text}.")
+    if found.judgement.sets is None and found.p_value < 1.0:
+        sentences.append(
+            f"If nothing were wrong, such a gain would occur in {_percent(found.p_value)} of cases."
+        )
     sentences.append(f"A cause outside the library is {found.other_probability:.0%} probable.")
     if found.unevenness > UNEVEN:
         sentences.append(
@@ -172,6 +176,17 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
         about, told = diagnosis.experiment.chosen.words, what_commands_tell(diagnosis.experiment)
         sentences.append(f"Play next: a {about}. {told}")
     return sentences
+
+
+_SAME_LOOK = 0.9
+"""From this cosine between what two causes change, data hardly tell the two apart."""
+
+
+def _likeness(cosine: float, other: str) -> str:
+    """Return how alike two causes look, in words."""
+    if abs(cosine) < _SAME_LOOK:
+        return f"; likeness to {other} in these data: {abs(cosine):.2f} of 1"
+    return f"; it and {other} look the same in these data (likeness {abs(cosine):.2f} of 1)"
 
 
 def expectation(diagnosis: Diagnosis) -> list[str]:
@@ -194,6 +209,10 @@ def expectation(diagnosis: Diagnosis) -> list[str]:
     return [f"Expected RMS error where the same is recorded again: {', '.join(texts)}."] if texts else []
 
 
+def _percent(share: float) -> str:
+    return "less than 0.1 %" if share < 1e-3 else f"{100.0 * share:.2g} %"
+
+
 def speed_text(speed: Expected) -> str:
     """Return a speed with its interval, in mm/s."""
     low, high = speed.ci90
@@ -202,7 +221,7 @@ def speed_text(speed: Expected) -> str:
 
 def what_commands_tell(found: CommandExperiment) -> str:
     """Return what the commands are expected to tell, in a sentence or two."""
-    apart = f"by {found.chosen.separation.mean:.1f} floors on average"
+    apart = f"by {found.chosen.separation.mean:.1f} times the measurement uncertainty on average"
     so_far = f"; the best commands so far: {found.before:.1f}" if found.before else ""
     if len(found.separates) == 1:
         return f"They narrow the figures of {found.separates[0]}: they set its robots apart {apart}{so_far}."
@@ -215,8 +234,8 @@ def what_it_tells(experiment: Experiment) -> str:
     """Return which effects the next experiment is expected to separate, and which no gait separates."""
     first, *others = experiment.separates
     text = (
-        f"On this gait, {first} and {' or '.join(others)} differ by {experiment.separation:.1f} floors; on "
-        f"the gaits measured so far, by {experiment.before:.1f}."
+        f"On this gait, {first} and {' or '.join(others)} differ by {experiment.separation:.1f} times the "
+        f"measurement uncertainty; on the gaits measured so far, by {experiment.before:.1f} times."
     )
     for one, other in experiment.inseparable:
         text += f" No gait that was tried separates {one} from {other}: measure another signal for that."

@@ -41,7 +41,7 @@ def write_audit(path: Path | None, problem: Problem, findings: Sequence[Finding]
 def _page(folder: Path, problem: Problem, findings: Sequence[Finding]) -> Page:
     working = problem.simulation.working
     return Page(
-        title=f"{problem.name}: audit of the model",
+        title=f"{problem.name}: errors of the model that would make results unreliable",
         answer=_answer(findings, problem),
         asked={
             "Checked": "ground, stance, falls, rest at the start, inert parameters, self-collision, airtime, "
@@ -78,7 +78,7 @@ def _pictures(problem: Problem, findings: Sequence[Finding]) -> dict[str, Pictur
         pictures["findings"] = Picture(
             "How far beyond the limits",
             partial(audit_figures.findings, findings),
-            "How many times each finding with a limit exceeds it: the longer the bar, the worse. For shares "
+            "How many times each finding with a limit exceeds it: the further right, the worse. For shares "
             "that should be larger, such as the travel that a servo reaches, it is the limit over the value.",
         )
     if able:
@@ -106,11 +106,11 @@ def _remedy_table(findings: Sequence[Finding]) -> Table:
 
 def _finding_table(findings: Sequence[Finding]) -> Table:
     return Table(
-        head=["finding", "gait", "over its limit", "what was seen"],
+        head=["finding", "gait, servo", "over its limit", "what was seen"],
         rows=[
             [
                 title_of(finding.name),
-                finding.gait or "–",
+                finding.place or "–",
                 f"{figure(audit_figures.beyond(finding))} times" if finding.limit > 0.0 else "–",
                 finding.message,
             ]

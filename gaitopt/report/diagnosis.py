@@ -11,7 +11,8 @@ from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.judge.command_experiment import CommandExperiment
 from gaitopt.diagnose.trial_gap import TrialGap
-from gaitopt.diagnose.words import answer, explanation, shown_gap, what_it_tells
+from gaitopt.diagnose.words import answer, explanation, how_far, shown_gap, what_it_tells
+from gaitopt.effects import EFFECTS
 from gaitopt.problem.problem import Problem
 from gaitopt.report import diagnosis_tables as tables
 from gaitopt.report.diagnosis_motion import motion_parts
@@ -23,6 +24,7 @@ from gaitopt.report.next_commands import next_commands_sections
 from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.tables import gait_table
 from gaitopt.report.words import robot_text
+from gaitopt.runs.diagnosis_folder import CORRECTED_FILE
 from gaitopt.runs.folder import PAGE_FILE, write_into
 
 _VERDICTS = {
@@ -58,7 +60,7 @@ def write_page(
         tiles=_tiles(diagnosis),
         notes=motion.notes,
         sections=[
-            *_with_table("Which effect", tables.effects(diagnosis)),
+            *_with_table(_title_of_effects(diagnosis), tables.effects(diagnosis)),
             *_with_table("How far the gap shrinks", tables.shrinkage(diagnosis)),
             *_with_table("How far the gap of the angles shrinks", shrinkage_of_logs(diagnosis)),
             *save_figures(folder, _cause_pictures(diagnosis)),
@@ -69,12 +71,14 @@ def write_page(
             *log_sections(folder, diagnosis, correction),
             *_with_table("Largest parts of the gap", tables.largest_parts(diagnosis)),
             *_expected(diagnosis),
+            *_corrected(folder, diagnosis),
             *_with_table("Gaits on the corrected robot", tables.walked(correction)),
             *_next_sections(folder, diagnosis),
             folded(Section("Trial by trial, in words", sentences=explanation(diagnosis))),
             *map(folded, _with_table("Each signal", tables.signals(diagnosis))),
             *map(folded, _with_table("Each signal of logged commands", tables.signals_of_logs(diagnosis))),
             folded(Section("The floor", table=tables.floors(diagnosis))),
+            *_tried(diagnosis),
         ],
     )
     write_into(folder, PAGE_FILE, page.html())
@@ -83,6 +87,46 @@ def write_page(
 def _with_table(title: str, table: Table | None) -> list[Section]:
     """Return a section with a table; none where there is no table."""
     return [] if table is None else [Section(title, table=table)]
+
+
+def _title_of_effects(diagnosis: Diagnosis) -> str:
+    return "Best candidates" if diagnosis.verdict in ("unexplained", "no_gap") else "Which effect"
+
+
+def _tried(diagnosis: Diagnosis) -> list[Section]:
+    """Return which effects were tried and which were not."""
+    tried = diagnosis.tried
+    if not tried:
+        return []
+    others = [name for name in EFFECTS if name not in tried]
+    told = [
+        f"{len(tried)} of {len(EFFECTS)} effects of the library were tried: {', '.join(tried)}.",
+        f"Not tried: {', '.join(others)}. They do not apply to this robot or to these recordings, they are "
+        "found in the recording itself, or they were not asked for. A cause among them cannot be found."
+        if others
+        else "",
+    ]
+    return [folded(Section("Effects that were tried", sentences=list(filter(None, told))))]
+
+
+def _corrected(folder: Path, diagnosis: Diagnosis) -> list[Section]:
+    """Return what to do with the corrected robot, where there is one."""
+    if diagnosis.correction is None:
+        return []
+    name = folder / CORRECTED_FILE
+    return [
+        Section(
+            "The corrected robot",
+            sentences=[
+                f"{CORRECTED_FILE} in this folder is the problem with this correction. {how_far(diagnosis)}",
+                "The second command searches for a gait that is good on all robots that these trials allow.",
+            ],
+            commands=[
+                f"gaitopt optimise {name}",
+                f"gaitopt optimise {folder} --posterior {folder}",
+            ],
+        )
+    ]
 
 
 def _expected(diagnosis: Diagnosis) -> list[Section]:
@@ -96,9 +140,15 @@ def _asked(problem: Problem, diagnosis: Diagnosis) -> dict[str, str]:
         "Robot": robot_text(problem),
         "Data set": diagnosis.source,
         "Trials": ", ".join([*map(_trial, gaits_of(diagnosis)), *logs_text(diagnosis)]),
+        **({"Effects tried": f"{len(diagnosis.tried)} of {len(EFFECTS)}"} if diagnosis.tried else {}),
         "Simulated": f"at {figure(diagnosis.fidelity.timestep_s)} s, {diagnosis.fidelity.integrator}, "
         f"seed {diagnosis.seed}",
     }
+
+
+def _first_name(diagnosis: Diagnosis) -> str:
+    """Return what the first candidate is called: it is a cause only where it explains something."""
+    return "best candidate" if diagnosis.verdict in ("unexplained", "no_gap") else "winner"
 
 
 def _trial(gap: TrialGap) -> str:
@@ -116,7 +166,8 @@ def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     tiles = [(_VERDICTS[verdict], causes if verdict != "no_gap" else "within the floor")]
     if found and found.effects:
         first = found.effects[0]
-        tiles.append((tables.probability(first.probability), f"probability of {first.name}"))
+        best = "the best candidate, " if not diagnosis.causes else ""
+        tiles.append((tables.probability(first.probability), f"probability of {best}{first.name}"))
         tiles.append((f"{before} → {after}{unit}", f"gap on held-out data; floor {floor}{unit}"))
         tiles.append((tables.probability(found.other_probability), "probability of something else"))
     else:
@@ -135,16 +186,16 @@ def _cause_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
         "ranking": Picture(
             "Ranking of the effects",
             partial(diagnosis_plots.ranking, found),
-            "The error that each fitted effect leaves on trials that its fit did not see. Shorter is better; "
-            "a right model leaves 1. Error bars: 90 % interval of the difference from the first effect. If "
-            "the bar of another effect is as short, these trials cannot separate the two.",
+            "The error that each fitted effect leaves on trials that its fit did not see. Further left is "
+            "better; a right model leaves 1. Lines: 90 % interval of the difference from the first effect. "
+            "Where the line of another effect reaches the first dot, these trials cannot tell the two apart.",
         ),
     }
     if found.best.fits:
         pictures["profile"] = Picture(
-            "Profile of the winner's parameter",
+            f"Profile of the {_first_name(diagnosis)}'s parameter",
             partial(diagnosis_plots.profile, found),
-            "The error for each value of the winner's parameter, with all else fitted. In a sharp valley the "
+            "The error for each value of its parameter, with all else fitted. In a sharp valley the "
             "data determine the parameter well; in a flat one they hardly do. Shaded: its 90 % interval.",
         )
     if len(found.trial_set.sample_trials):
@@ -152,8 +203,8 @@ def _cause_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
             "The gap before and after",
             partial(diagnosis_plots.held_out, diagnosis, found),
             "RMS error of the marker in each trial, on data that the fit did not see: for the nominal robot, "
-            "and with the most probable effect. The floor is the error that noise, start pose and timestep "
-            "leave even for a right model.",
+            "and with the most probable effect. The floor is the measurement uncertainty: the error that "
+            "noise, start pose and timestep leave even for a right model.",
         )
     return pictures
 

@@ -34,9 +34,8 @@ def effects(diagnosis: Diagnosis) -> Table | None:
         rows=[_effect_row(row) for row in found.effects[:_SHOWN]],
         note="Gap removed: share of the marker's gap above the floor that the effect removes, on trials that "
         "its fit did not see. More than 100 % is below the floor; less than 0 makes the gap larger. Error "
-        "left: in the worst trial; 1 for a right model. Alike: cosine between the change that the effect "
-        "makes and the change that the answer's effect makes. Near 1, these trials can hardly tell the two "
-        "apart.",
+        "left: in the worst trial; 1 for a right model. Alike: how much the change that the effect makes "
+        "looks like that of the first effect: near 1, the two causes look the same in these data.",
         mark_first=bool(diagnosis.causes),
         words=(2,),
     )

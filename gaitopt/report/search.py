@@ -138,7 +138,7 @@ def _pictures(
         "Convergence of the search",
         partial(search_figures.convergence, optimised.entries, optimised.baselines),
         "Speed of every gait that was evaluated, by method. Stars are planned gaits, where the search "
-        "started from some. Crosses and hollow stars violate a constraint. The best so far counts violations "
+        "started from some. Hollow marks violate a constraint. The best so far counts violations "
         "too, so it may change to a slower gait that has none. Horizontal lines are the hand-tuned gaits.",
     )
     if optimised.request.pareto:

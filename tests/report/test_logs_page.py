@@ -106,7 +106,7 @@ def test_the_gap_of_each_log_before_and_after_is_drawn_and_told(
     page = page_of(tmp_path / "run", FIGURES | {"corrected-angles"})
     assert "step-1 (×2) 3 0.5 0.25 91 %" in " ".join(words_of(page).split())
     axes = plots.held_out([("step", gap), ("ramp", gap)]).axes[0]
-    assert [round(patch.get_width(), 6) for patch in axes.patches] == [3.0, 3.0, 0.5, 0.5]
+    assert [line.get_xdata().round(6).tolist() for line in axes.lines[:2]] == [[3.0, 3.0], [0.5, 0.5]]
 
 
 def test_repeats_are_drawn_over_one_another(diagnosis: Diagnosis) -> None:

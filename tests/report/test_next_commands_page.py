@@ -40,9 +40,8 @@ def found() -> CommandExperiment:
 def test_a_page_shows_the_commands_and_the_runners_up(found: CommandExperiment) -> None:
     picture, table = next_commands_sections(Path(), found)
     assert Path("figures/next.png").is_file()
-    assert "They set dead band, stiction apart by 4.2 floors on average; the best commands so far: 1.5." in (
-        picture.caption
-    )
+    said = "They set dead band, stiction apart by 4.2 times the measurement uncertainty on average"
+    assert f"{said}; the best commands so far: 1.5." in picture.caption
     assert "No commands tell these apart: a and b." in picture.caption
     assert table.table is not None
     assert [list(row[:3]) for row in table.table.rows] == [

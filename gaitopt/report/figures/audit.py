@@ -12,6 +12,9 @@ from gaitopt.report.figures.style import COLOURS, finish, name_rows, plain_ticks
 from gaitopt.simulation.audit.finding import Finding
 from gaitopt.simulation.labels import title_of
 
+_FEW = 20.0
+"""Up to so many times its limit, a linear axis shows the smaller findings too."""
+
 
 def findings(found: Sequence[Finding]) -> Figure:
     """Draw by how much each finding of an audit exceeds its limit."""
@@ -19,13 +22,15 @@ def findings(found: Sequence[Finding]) -> Figure:
     ratios = np.array([beyond(one) for one in shown])
     figure, axes = single_panel(1.2 + 0.32 * max(1, len(shown)))
     places = np.arange(len(shown))[::-1]
-    axes.barh(places, ratios, color=COLOURS[0], height=0.6)
-    axes.axvline(1.0, color="k", linestyle="--", linewidth=1.2, label="limit")
-    labels = [title_of(one.name) + (f": {one.gait}" if one.gait else "") for one in shown]
-    name_rows(axes, places.tolist(), labels, 8.0)
-    if len(shown) and ratios.max() > 20.0:
+    if len(shown) and ratios.max() > _FEW:  # dots, as a bar on a logarithmic axis begins nowhere
+        axes.plot(ratios, places, "o", color=COLOURS[0], markersize=6)
         axes.set_xscale("log")
         plain_ticks(axes.xaxis)
+    else:
+        axes.barh(places, ratios, color=COLOURS[0], height=0.6)
+    axes.axvline(1.0, color="k", linestyle="--", linewidth=1.2, label="limit")
+    labels = [title_of(one.name) + (f": {one.place}" if one.place else "") for one in shown]
+    name_rows(axes, places.tolist(), labels, 8.0)
     finish(axes, "times its limit [1]", "")
     return figure
 

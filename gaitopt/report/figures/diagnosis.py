@@ -38,6 +38,9 @@ _LONG = 32
 _SHOWN = 12
 """Candidates in the ranking."""
 
+_LEAST = 0.02
+"""Share of a value that the lower end of its interval is drawn at, at least."""
+
 _MASKED_COLOUR = "0.35"
 _RANK_COLOURS = {"no effect": "0.45"}
 _HATCHES = ("", "//", "..", "xx", "\\\\")
@@ -127,13 +130,11 @@ def ranking(found: Causes) -> Figure:
     names = sorted(firsts, key=lambda name: firsts[name])
     figure, axes = single_panel(0.3 * len(names) + 1.2)
     places = np.arange(len(names))[::-1]
-    axes.barh(
-        places,
-        [firsts[name] / rows for name in names],
-        xerr=[NORMAL_95 * errors[name] / rows for name in names],
-        color=[_RANK_COLOURS.get(name, BEST_COLOUR if name == best.label else COLOURS[0]) for name in names],
-        height=0.65,
-    )
+    for place, name in zip(places.tolist(), names, strict=True):
+        colour = _RANK_COLOURS.get(name, BEST_COLOUR if name == best.label else COLOURS[0])
+        error, left = NORMAL_95 * errors[name] / rows, firsts[name] / rows
+        lower = min(error, (1.0 - _LEAST) * left)  # a logarithmic axis has no place for 0
+        axes.errorbar(left, place, xerr=[[lower], [error]], fmt="o", color=colour, ms=6, capsize=3)
     name_rows(axes, places.tolist(), names, 8.0)
     axes.set_xscale("log")
     plain_ticks(axes.xaxis)

@@ -160,19 +160,11 @@ def held_out(rows: Sequence[tuple[str, Gap]]) -> Figure:
     figure, axes = single_panel(1.3 + 0.4 * len(rows))
     places = np.arange(len(rows))[::-1]
     looks = (
-        ([gap.before for _, gap in rows], 0.2, "0.45", "", "nominal"),
-        ([gap.after for _, gap in rows], -0.2, BEST_COLOUR, "//", "corrected"),
+        ([gap.before for _, gap in rows], 0.12, "0.45", "s", "nominal"),
+        ([gap.after for _, gap in rows], -0.12, BEST_COLOUR, "o", "corrected"),
     )
-    for values, shift, colour, hatch, label in looks:
-        axes.barh(
-            places + shift,
-            np.rad2deg(values),
-            height=0.36,
-            color=colour,
-            hatch=hatch,
-            edgecolor="white",
-            label=label,
-        )
+    for values, shift, colour, mark, label in looks:  # no bars, which begin nowhere on this axis
+        axes.plot(np.rad2deg(values), places + shift, mark, color=colour, ms=5.5, label=label)
     axes.plot(np.rad2deg([gap.floor for _, gap in rows]), places, "k|", ms=15, mew=1.6, label="the floor")
     axes.set_xscale("log")
     plain_ticks(axes.xaxis)

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Bbox
 
 from gaitopt.optimise.journal import WORKING, Entry, at_rung
 from gaitopt.optimise.pareto import FrontGait, speed, transport
@@ -38,7 +39,7 @@ def convergence(entries: Sequence[Entry], baselines: Sequence[Verified]) -> Figu
         else:
             label = method + ", lower fidelity" * (rung != WORKING)
             _evaluated(axes, chosen, label, COLOURS[index % 5], MARKS[index % len(MARKS)])
-    axes.plot([], [], "kx", markersize=4, label="constraint violated")
+    axes.plot([], [], "ko", markersize=4.5, markerfacecolor="none", label="hollow: constraint violated")
     _best_so_far(axes, at_rung(entries))
     for index, baseline in enumerate(baselines):
         style = STYLES[index % len(STYLES)]
@@ -56,15 +57,15 @@ def convergence(entries: Sequence[Entry], baselines: Sequence[Verified]) -> Figu
 
 
 def _evaluated(axes: Axes, entries: Sequence[Entry], label: str, colour: str, mark: str) -> None:
-    """Draw the gaits of one method: marks that meet the constraints, others hollow or crossed."""
+    """Draw the gaits of one method: filled marks meet the constraints, hollow ones do not."""
     met = np.array([entry.evaluation.constraints_met for entry in entries])
     number = np.array([entry.index for entry in entries])
     speeds = 1e3 * np.array([speed(entry) for entry in entries])
-    size, bad = (11.0, "*") if mark == "*" else (3.5, "x")
-    axes.plot(number[met], speeds[met], mark, color=colour, markersize=size, label=label, zorder=3)
-    axes.plot(
-        number[~met], speeds[~met], bad, color=colour, markersize=max(size, 4.5), alpha=0.75, mfc="none"
-    )
+    size = 11.0 if mark == "*" else 4.5
+    for chosen, fill in ((met, colour), (~met, "none")):
+        if chosen.any():  # the legend has the method's first mark
+            axes.plot(number[chosen], speeds[chosen], mark, color=colour, ms=size, mfc=fill, label=label)
+            label = f"_{label}"
 
 
 def _best_so_far(axes: Axes, entries: Sequence[Entry]) -> None:
@@ -91,7 +92,7 @@ def front(entries: Sequence[Entry], found: Sequence[FrontGait], baselines: Seque
     able = [entry for entry in entries if entry.evaluation.constraints_met and speed(entry) > 0.0]
     able = [entry for entry in able if np.isfinite(transport(entry))]
     axes.plot(
-        [1e3 * speed(e) for e in able], [transport(e) for e in able], ".", color="0.7", markersize=3,
+        [1e3 * speed(e) for e in able], [transport(e) for e in able], ".", color="0.45", markersize=4,
         label="evaluated, limits kept",
     )  # fmt: skip
     _front_gaits(axes, [one.verified for one in found if one.efficient], "o-", "front, verified")
@@ -105,22 +106,43 @@ def front(entries: Sequence[Entry], found: Sequence[FrontGait], baselines: Seque
     plain_ticks(axes.yaxis)
     finish(axes, "forward speed [mm/s]", "cost of transport [1]", legend=False)
     legend_below(figure, axes, 3)
+    _name_gaits(figure, axes, [one.verified for one in found])
     return figure
 
 
 def _front_gaits(axes: Axes, gaits: Sequence[Verified], mark: str, label: str) -> None:
-    """Draw verified gaits with their names."""
+    """Draw verified gaits."""
     points = [(1e3 * one.speed, _transport(one)) for one in gaits]
     if points:
         axes.plot(*zip(*points, strict=True), mark, color=BEST_COLOUR, markersize=6, label=label)
-    for one, point in zip(gaits, points, strict=True):
-        axes.annotate(
-            drawable(one.gait.name, WIDEST_IN_LEGEND),
-            point,
-            fontsize=8,
-            xytext=(4, 4),
-            textcoords="offset points",
-        )
+
+
+_PLACES = ((5, 5, "left"), (-5, 5, "right"), (5, -12, "left"), (-5, -12, "right"))
+"""Where a name may stand beside its point: offset in points, and the side that it begins at."""
+
+
+def _name_gaits(figure: Figure, axes: Axes, gaits: Sequence[Verified]) -> None:
+    """Write the names of gaits beside their points, each where it covers no other name, point or edge.
+
+    A name without such a place is left out.
+    """
+    figure.draw_without_rendering()
+    window = axes.get_window_extent()
+    drawn = [line.get_transform().transform(line.get_xydata()) for line in axes.lines]
+    points = np.concatenate([one[np.isfinite(one).all(axis=1)] for one in drawn])
+    taken: list[Bbox] = []
+    for one in gaits:
+        name, at = drawable(one.gait.name, WIDEST_IN_LEGEND), (1e3 * one.speed, _transport(one))
+        for right, up, side in _PLACES:
+            text = axes.annotate(
+                name, at, xytext=(right, up), textcoords="offset points", ha=side, fontsize=8
+            )
+            box = text.get_window_extent()
+            inside = window.containsx(box.x0) and window.containsx(box.x1) and window.containsy(box.y0)
+            if inside and not box.count_contains(points) and not box.count_overlaps(taken):
+                taken.append(box)
+                break
+            text.remove()
 
 
 def _transport(verified: Verified) -> float:

@@ -88,7 +88,9 @@ def _servos(gait: Gait, metrics: Metrics, settings: CheckSettings) -> Iterator[F
         reached = metrics[f"reached.{name}"]
         if reached < settings.reached:
             message = f"{name} reaches {reached:.0%} of its commanded travel"
-            yield Finding(COMMAND_NOT_FOLLOWED.name, gait.name, reached, settings.reached, message)
+            yield Finding(
+                COMMAND_NOT_FOLLOWED.name, gait.name, reached, settings.reached, message, servo=name
+            )
 
 
 def _chaos(gait: Gait, one: Trajectory, other: Trajectory, settings: CheckSettings) -> Iterator[Finding]:

@@ -106,6 +106,7 @@ class Finding:
         limit: the figure allowed.
         message: what was found, in words.
         parameter: the named parameter without effect; empty for other kinds.
+        servo: the servo that shows it; empty where it is the whole robot.
     """
 
     name: str
@@ -114,6 +115,12 @@ class Finding:
     limit: float
     message: str
     parameter: str = ""
+    servo: str = ""
+
+    @property
+    def place(self) -> str:
+        """Gait and servo that show it; empty for the model itself."""
+        return ", ".join(filter(None, (self.gait, self.servo)))
 
     @property
     def remedy(self) -> str:
