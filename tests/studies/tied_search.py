@@ -120,7 +120,8 @@ def table(runs: Sequence[Run]) -> list[str]:
     best = min((r["improvements"][-1][2] for r in runs), default=np.nan)
     lines = [
         f"{len(seeds)} seeds, {BUDGET} gaits a run; lowest cost {best:.4f} (minus the speed in m/s). Each "
-        "cell: runs that reached the share of it, expected simulated seconds; or the seconds that all runs spent.",
+        "cell: runs that reached the share of it, expected simulated seconds; or the seconds that all runs "
+        "spent.",
         "",
         f"| method | median end | {' | '.join(f'{share:.0%}' for share in SHARES)} |",
         "|---|---|" + "---|" * len(SHARES),

@@ -60,6 +60,9 @@ def main() -> None:
     took = walk(["cp ../walk.txt .", *readme()], out / "readme", options.budget)
     with_files = list(commands_in((ROOT / "docs" / "tutorial.md").read_text(), tutorial))
     took += walk(with_files, tutorial, options.budget)
+    own = out / "your-robot"
+    own.mkdir()
+    took += walk(list(commands_in((ROOT / "docs" / "your-robot.md").read_text(), own)), own, options.budget)
     with (out / "walk.csv").open("w", newline="") as file:
         csv.writer(file).writerows([("command", "seconds"), *((c, f"{s:.1f}") for c, s in took)])
 

@@ -153,6 +153,17 @@ def test_the_tutorials_commands() -> None:
 @pytest.mark.slow
 @needs_opengl
 @pytest.mark.usefixtures("workplace")
+def test_the_commands_of_the_tutorial_on_ones_own_robot() -> None:
+    for command in commands_in((ROOT / "docs" / "your-robot.md").read_text()):
+        execute(command)
+    assert (Path("dog-run") / "report.html").is_file()
+    assert (Path("dog-compared") / "report.html").is_file()
+    assert list(Path("dog-player").iterdir())
+
+
+@pytest.mark.slow
+@needs_opengl
+@pytest.mark.usefixtures("workplace")
 def test_the_api_pages_examples(quick: Problem, capsys: pytest.CaptureFixture[str]) -> None:
     weak = Simulator.build(quick.with_effects({"servo_torque_limit": {"limit_n_m": 0.1, "target": "all"}}))
     walked = weak.run(quick.baselines["square-1s"], duration=3.2)
