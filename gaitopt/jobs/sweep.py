@@ -58,14 +58,15 @@ def sweep(
     """
     problem = over_posterior(carrying(problem), posterior)
     chosen = _first_baseline(problem) if gait is None else found_gait(problem, gait)
-    points = Sweep.parse(over).points(problem, chosen)
+    asked = Sweep.parse(over)
+    points = asked.points(problem, chosen)
     with opened(executor, workers) as pool:
         rows = sweeping.sweep(points, pool)
     if out is None:
         return SweepRun(rows, None)
     from gaitopt.report.sweep import write_sweep
 
-    return SweepRun(rows, write_sweep(out_folder(out), problem, points, rows))
+    return SweepRun(rows, write_sweep(out_folder(out), problem, asked, points, rows))
 
 
 def _first_baseline(problem: Problem) -> Gait:

@@ -164,7 +164,7 @@ def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     values = (shown.gap.before, shown.gap.after, shown.gap.floor)
     before, after, floor = (figure(scale * value) for value in values)
     tiles = [(_VERDICTS[verdict], causes if verdict != "no_gap" else "within the floor")]
-    if found and found.effects:
+    if found and found.effects and verdict != "no_gap":
         first = found.effects[0]
         best = "the best candidate, " if not diagnosis.causes else ""
         tiles.append((tables.probability(first.probability), f"probability of {best}{first.name}"))

@@ -21,7 +21,7 @@ from matplotlib.axes import Axes
 from matplotlib.container import Container
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
-from matplotlib.ticker import FixedFormatter
+from matplotlib.ticker import FixedLocator
 
 from gaitopt.core.text import plain
 from gaitopt.report.figures.style import COLOURS, narrow
@@ -70,7 +70,7 @@ def described(figure: Figure) -> str:
     shown = f"; {len(texts) - 4} more panels" if len(texts) > 5 else ""
     curves = list(_labels(figure))
     entries = f" Shown: {', '.join(name.strip() for name in curves)}." if curves else ""
-    return plain(f"Figure. {'; '.join(texts[: 4 if shown else 5])}{shown}.{entries}".replace("−", "-"))
+    return plain(f"A figure of {'; '.join(texts[: 4 if shown else 5])}{shown}.{entries}".replace("−", "-"))
 
 
 def _panel_in_words(axes: Axes) -> str:
@@ -94,7 +94,7 @@ def _shared_label(axes: Axes) -> str:
 
 def _rows(axes: Axes) -> list[str]:
     """Return the names of the rows of a panel that has such; else nothing."""
-    if not isinstance(axes.yaxis.get_major_formatter(), FixedFormatter):
+    if not isinstance(axes.yaxis.get_major_locator(), FixedLocator):
         return []
     return [label.get_text() for label in axes.get_yticklabels()]
 

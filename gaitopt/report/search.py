@@ -253,12 +253,12 @@ def _film(folder: Path, simulator: Simulator, optimised: Optimised, summary: Sum
 
 def _asked(problem: Problem, summary: Summary) -> dict[str, str]:
     objective, verified = problem.objective, summary.verified
-    terms = (f"{'more' if w < 0.0 else 'less'} {title_of(name)}" for name, w in objective.terms.items())
+    terms = (f"{'highest' if w < 0.0 else 'lowest'} {title_of(name)}" for name, w in objective.terms.items())
     started = "from planned gaits" if summary.warm_start else "without planned gaits"
     each = f", each on one of {summary.robots} robots of a posterior" if summary.robots else ""
     return {
         "Robot": robot_text(problem),
-        "Objective": f"{', '.join(terms)}{scenario_rule(objective)}",
+        "Goal": f"{', '.join(terms)}{scenario_rule(objective)}",
         "Limits on": names_of(objective.constraints) or "nothing",
         "Search": f"{summary.evaluations} gaits, method {summary.method}, started {started}, seed "
         f"{summary.seed}; {summary.simulated_s:.0f} s simulated in {summary.wall_s:.0f} s",

@@ -5,9 +5,11 @@ from pathlib import Path
 import pytest
 from commandline import RUN_FILES, Run, strictly, without_clock
 from helpers import STRIDER
+from pages import words_of
 
 from gaitopt.gait.gait import read_gait
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.simulation.labels import shown
 
 
 @pytest.mark.slow
@@ -54,9 +56,30 @@ def test_the_report_is_one_self_contained_page(finished: Path) -> None:
     page = (finished / "report.html").read_text()
     assert "stride" in page
     assert f"Period {read_gait(finished / 'best.toml').period_s:.3g}" in page
-    assert page.count('class="plot"') == len(list((finished / "figures").iterdir())) == 6
+    assert page.count('class="plot"') == len(list((finished / "figures").iterdir())) == 7
     assert "http://" not in page
     assert "https://" not in page
+
+
+def test_the_page_says_the_numbers_of_the_summary_and_of_the_terminal(gaitopt: Run, finished: Path) -> None:
+    summary = strictly((finished / "summary.json").read_text())
+    rows = [summary["best"], *summary["baselines"]]
+    said = words_of((finished / "report.html").read_text())
+    said = " ".join(said.replace("−", "-").split())
+    for row in rows:
+        low, high = (f"{1e3 * end:.1f}" for end in row["speed_ci90_m_s"])
+        cells = [f"{1e3 * row['speed_m_s']:.1f}", f"{low} to {high}", f"{1e3 * row['speed_worst_m_s']:.1f}"]
+        period = f"{row['period_s']:.3g}"
+        assert " ".join([row["name"], period, *cells, f"{1e3 * row['stride_m']:.1f}"]) in said
+    for row in rows:
+        for name, value in row["metrics"].items():
+            assert value is None or shown(name, value) in said, name
+    assert f"{summary['ratio_to_best_baseline']:.2f} times" in said
+    assert f"{summary['evaluations']} gaits" in said
+    code, out, err = gaitopt("optimise", finished, "--resume", finished, "--quiet")
+    assert (code, err) == (0, "")
+    (answer,) = (line for line in out.splitlines() if line.startswith("The best gait moves at "))
+    assert answer in said.replace("\u00a0", " ")
 
 
 def test_the_answer_is_short_and_says_where_the_report_is(gaitopt: Run, tmp_path: Path) -> None:

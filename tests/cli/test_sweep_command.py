@@ -25,7 +25,12 @@ def test_sweep_gives_a_row_and_a_line_per_value(
     assert [row["name"] for row in rows] == names
     assert rows[0]["speed_m_s"] != rows[1]["speed_m_s"]
     assert strictly((folder / "sweep.json").read_text()) == {"rows": rows}
-    assert {path.name for path in folder.iterdir()} == {"sweep.json", "overlay.png", "panels.png"}
+    assert {path.name for path in folder.iterdir()} == {"sweep.json", "report.html", "figures"}
+    assert {path.name for path in (folder / "figures").iterdir()} == {
+        "speeds.png",
+        "overlay.png",
+        "panels.png",
+    }
 
 
 def test_a_sweep_over_the_own_period_is_the_gait_itself(gaitopt: Run) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gaitopt.cli.command import Command, Options, Parser
-from gaitopt.cli.lines import print_json, say
+from gaitopt.cli.lines import print_json
 from gaitopt.cli.options import add_executor, add_json, add_posterior, add_problem, add_run_folder, problem_of
 
 
@@ -21,7 +21,7 @@ def add_options(parser: Parser) -> None:
 
 def run(options: Options) -> None:
     """Sweep, and print a row for each value."""
-    from gaitopt.cli.display import print_rows, speed_over_robots
+    from gaitopt.cli.display import print_report, print_rows, speed_over_robots
     from gaitopt.jobs.outputs import NUMBERED
     from gaitopt.jobs.sweep import sweep
 
@@ -39,7 +39,7 @@ def run(options: Options) -> None:
         print_json({"rows": rows})
     else:
         print_rows([row.to_dict() | speed_over_robots(row) for row in swept.rows])
-        say(f"plots: {swept.folder}")
+        print_report(swept.folder)
 
 
 COMMAND = Command(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from textwrap import fill
 
 import numpy as np
 from matplotlib import rc_context
@@ -33,6 +34,9 @@ WIDTH = 6.0
 
 NARROW = 3.9
 """Inches: the width of a phone, where ten-point type is as large as the page's."""
+
+_LETTERS = 32
+"""Letters of an axis' label in a line of a narrow figure."""
 
 _width = ContextVar("width", default=WIDTH)
 
@@ -99,7 +103,7 @@ def name_rows(axes: Axes, places: Sequence[float], names: Sequence[str], fontsiz
 
 def finish(axes: Axes, x: str, y: str, legend: bool = True) -> None:
     """Label the axes and give a panel the look of all figures."""
-    axes.set_xlabel(x)
+    axes.set_xlabel(x if width() == WIDTH else fill(x, _LETTERS))
     axes.set_ylabel(y)
     axes.grid(color="0.85", linewidth=0.6)
     axes.set_axisbelow(True)
@@ -114,7 +118,7 @@ def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
         *axes.get_legend_handles_labels(),
         loc="outside lower center",
         ncols=columns if width() == WIDTH else min(columns, 2),
-        fontsize=8.5,
+        fontsize=8.5 if width() == WIDTH else 9.0,
         frameon=False,
     )
 
