@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -46,6 +46,7 @@ class TaggedBody:
         tags: by number the corners of each tag in the site's frame, m, shape (4, 3).
         marker: where the problem's marker is in the site's frame, m, shape (3,), if it is on this body.
         start: turn of the site in the problem's axes before the gait, shape (3, 3).
+        height: of the site over the floor before the gait, m.
     """
 
     site: str
@@ -53,6 +54,7 @@ class TaggedBody:
     tags: Mapping[int, Array]
     marker: Array | None
     start: Array
+    height: float
 
 
 @dataclass(frozen=True)
@@ -96,13 +98,10 @@ class TaggedRobot:
             own = corners(1e-3 * scale * tag.size_mm) @ turn.T + place
             first = found.get(body)
             if first is None:
-                first = TaggedBody(
-                    str(tag.site), body, {}, _marker(problem, data, body, str(tag.site)), axes @ turn
-                )
+                marker, height = _marker(problem, data, body, str(tag.site)), float((axes @ place)[2])
+                first = TaggedBody(str(tag.site), body, {}, marker, axes @ turn, height)
             base, origin = _site(data, first.site)
-            found[body] = TaggedBody(
-                first.site, body, {**first.tags, number: (own - origin) @ base}, first.marker, first.start
-            )
+            found[body] = replace(first, tags={**first.tags, number: (own - origin) @ base})
         if not found:
             raise GaitoptError(
                 f'{problem.source}: no tag sits on the robot; say where: [tags.0] with site = "NAME", '

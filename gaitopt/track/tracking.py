@@ -48,6 +48,9 @@ _REACH = 8.0
 _SAME = 0.03
 """A tag on the floor may be this much larger or smaller than it should be, relative."""
 
+_HEIGHT_M, _SIZE = 0.015, 0.06
+"""A tag may be seen this much higher or lower than at the start, m, and look so much larger, relative."""
+
 _SAME_M = 0.01
 """Two tags may be this much nearer or farther from each other than their sites allow, m."""
 
@@ -133,6 +136,7 @@ def track_film(
             found[body.site] = path.on_time(time, lateness(body.tags, frames, size, view.readout))
     signals, noise = _signals(robot, found)
     joints, joint_noise, defects = _joints(film, robot, found, settings)
+    defects += _wrong_sizes(film, robot, found, cameras)
     sync = _beginning(beginning, lamp, time, frames, cameras, room)
     everything = [*missing, *_strangers(film, eye), *_outliers(film, found, time), *defects]
     if sync.at_s is None and beginning is not None:
@@ -218,6 +222,37 @@ def _check_sizes(room: Room) -> None:
                 f"tag {number}: found {ratio * said:.1f} mm on the floor, by the other tags, where "
                 f"{said:g} mm was said; print at 100 %, or say size_mm in [tags.{number}], or --ruler-mm"
             )
+
+
+def _wrong_sizes(
+    film: Path, robot: TaggedRobot, found: Mapping[str, paths.Path], cameras: Sequence[Pose | None]
+) -> list[Defect]:
+    """Return bodies whose tags are probably not as large as was said: they are seen at a wrong height.
+
+    A tag that is smaller than was said looks farther away, so it is seen lower than the robot can have it.
+    """
+    defects = []
+    for body in robot.bodies:
+        poses = found[body.site].poses if body.site in found else ()
+        seen = [(p, c) for p, c in zip(poses, cameras, strict=False) if p is not None and c is not None]
+        if not seen:
+            continue
+        heights = np.array([pose.shift[2] for pose, _ in seen])
+        nearest = np.argsort(np.abs(heights - body.height))[: max(1, len(heights) // 10)]
+        height = float(np.median(heights[nearest]))
+        above = float(np.median([-(camera.turn.T @ camera.shift)[2] for _, camera in seen]))
+        ratio = (above - body.height) / (above - height) if above > height else 1.0
+        if abs(height - body.height) < _HEIGHT_M or abs(ratio - 1.0) < _SIZE:
+            continue
+        numbers = ", ".join(map(str, body.tags))
+        said = 1e3 * float(np.mean([np.linalg.norm(c[1] - c[0]) for c in body.tags.values()]))
+        message = (
+            f"{body.site}: seen {1e3 * abs(height - body.height):.0f} mm too "
+            f"{'high' if height > body.height else 'low'}; if it stands on the floor, tag {numbers} "
+            f"is {ratio * said:.0f} mm wide, not {said:.0f}: measure it, and say size_mm"
+        )
+        defects.append(Defect("tag_size_doubtful", film.stem, message, 0))
+    return defects
 
 
 def _strangers(film: Path, eye: Eye) -> list[Defect]:

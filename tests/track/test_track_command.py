@@ -1,6 +1,7 @@
 """`gaitopt track`: from a phone's film to a data set."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from gaitopt.problem.instruments import measurable_signals
 from gaitopt.problem.problem import Problem
 from gaitopt.track.advice import advice
 from gaitopt.track.film import pictures
-from gaitopt.track.tracking import Tracker
+from gaitopt.track.tracking import Tracker, track_film
 
 pytestmark = [pytest.mark.slow, needs_opengl]
 
@@ -115,3 +116,13 @@ def test_wrong_options_are_one_line(more: list[str], said: str, filmed: Walk, ca
     assert err.count("\n") == 1
     assert said in err
     assert not Path("set").exists()
+
+
+def test_tags_of_another_size_than_was_said_are_named(filmed: Walk, arcfold: Problem) -> None:
+    for size, wrong in ((20.0, False), (25.0, True), (16.0, True)):
+        tags = {int(n): t.model_copy(update={"size_mm": size}) for n, t in arcfold.file.tags.items()}
+        found = track_film(filmed.path, Tracker.of(arcfold, tags))
+        named = [defect.message for defect in found.defects if defect.name == "tag_size_doubtful"]
+        assert bool(named) == wrong
+        widths = [float(re.findall(rf"is (\d+) mm wide, not {size:.0f}", message)[0]) for message in named]
+        assert widths == pytest.approx([20.0] * len(widths), abs=1.5)
