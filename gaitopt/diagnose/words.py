@@ -138,7 +138,9 @@ def _before_after(shown: ShownGap) -> str:
     gap = shown.gap
     before, after, floor = map(shown.amount, (gap.before, gap.after, gap.floor))
     share = gap.shrinkage
-    shrinks = "" if share is None else f", which is {share:.0%} of what is above the floor"
+    shrinks = "" if share is None else f", which removes {share:.0%} of what is above the floor"
+    if share is not None and gap.after <= gap.floor:
+        shrinks = ", which is within the floor"
     return f"{before} RMS of {shown.of} before, {after} after on held-out trials{shrinks}; floor {floor}"
 
 
