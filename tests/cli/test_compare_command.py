@@ -1,5 +1,6 @@
 """`gaitopt compare`: gaits over the same scenarios."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -24,3 +25,15 @@ def test_compare_is_over_the_same_scenarios(gaitopt: Run, finished: Path) -> Non
     assert strictly(other[1])["rows"] != rows
     text = gaitopt("compare", STRIDER, "stride", "square")[1]
     assert "more than noise" in text
+
+
+def test_a_gait_has_one_speed_wherever_it_is_printed(gaitopt: Run, finished: Path) -> None:
+    summary = json.loads((finished / "summary.json").read_text())
+    (row,) = strictly(gaitopt("compare", STRIDER, finished, "--seed", 5, "--json")[1])["rows"]
+    assert row["speed_m_s"] == summary["best"]["speed_m_s"]
+    assert row["speed_ci90_m_s"] == summary["best"]["speed_ci90_m_s"]
+    assert row["timestep_s"] == summary["verified"]["timestep_s"]
+    text = gaitopt("compare", STRIDER, finished, "--seed", 5)[1]
+    assert "at the reference fidelity" in text.replace("\n", " ")
+    text = gaitopt("optimise", finished, "--resume", finished)[1]
+    assert "at the reference fidelity" in text.replace("\n", " ")
