@@ -137,12 +137,12 @@ def largest_parts(diagnosis: Diagnosis) -> Table | None:
     if diagnosis.has_logs:
         return _largest_components(diagnosis)
     return Table(
-        head=["signal", "component", "share of the whole", "RMS", "floors"],
+        head=["signal", "component", "share of the whole", "RMS", "times the floor"],
         rows=[_part_row(row) for row in diagnosis.where[:_SHOWN]],
         note="Drift: travel per cycle that the size of the stride does not explain. Stride: size and shape "
         "of the motion inside a cycle, with the travel that goes with its size. Timing: the same motion "
         "later or earlier. Transient: before the steady motion. Noise: what differs from cycle to cycle. "
-        "Shares are of the squared gap in floors, over the trials that count.",
+        "Shares are of the squared gap, each signal's in multiples of its floor, over the trials that count.",
         words=(1,),
     )
 
@@ -150,14 +150,22 @@ def largest_parts(diagnosis: Diagnosis) -> Table | None:
 def _largest_components(diagnosis: Diagnosis) -> Table:
     """Return the components over all trials, where commands were logged."""
     return Table(
-        head=["signal", "component", "share of the whole", "RMS", "largest in", "there", "floors there"],
+        head=[
+            "signal",
+            "component",
+            "share of the whole",
+            "RMS",
+            "largest in",
+            "there",
+            "times the floor there",
+        ],
         rows=[_component_row(row) for row in by_component(diagnosis.where)[:_SHOWN]],
         note="Gain: the motion since the start is larger or smaller than simulated. Bias: a constant "
         "distance. Lag: the same motion later or earlier. Overshoot: soon after a change of command the "
         "motion has another shape. Stick and slip: it advances in steps where the command is smooth. "
         "Saturation: it differs where the motion runs at its limit. Drift: a slow change over the recording. "
-        "Noise: of the measurement. Shares are of the squared gap in floors, over the trials that count. "
-        "RMS: over these.",
+        "Noise: of the measurement. Shares are of the squared gap, each signal's in multiples of its floor, "
+        "over the trials that count. RMS: over these.",
         words=(1, 4),
     )
 

@@ -30,6 +30,9 @@ _SVG = "{http://www.w3.org/2000/svg}"
 _HREF = "{http://www.w3.org/1999/xlink}href"
 _COLOUR = re.compile(r"#[0-9a-f]{6}\b")
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_NO_AREA = "#1f77b4"
+"""What Matplotlib fills the caps of error bars with, which are lines."""
+
 _POINTS_PER_INCH = 72.0
 
 
@@ -202,7 +205,7 @@ def themed(colour: str) -> str:
         return f"var(--curve-{COLOURS.index(colour)})"
     levels = {int(colour[at : at + 2], 16) for at in (1, 3, 5)}
     if len(levels) > 1:
-        return colour
+        return "none" if colour == _NO_AREA else colour
     share = 100.0 * (1.0 - levels.pop() / 255.0)
     if share in (0.0, 100.0):
         return "var(--ink)" if share else "var(--paper)"

@@ -32,7 +32,14 @@ def next_commands_sections(folder: Path, found: CommandExperiment) -> list[Secti
 
 def _table(found: CommandExperiment) -> Table:
     return Table(
-        head=["shape", "channel", "amplitude [°]", "length [s]", "separation [floors]", "doubt left"],
+        head=[
+            "shape",
+            "channel",
+            "amplitude [°]",
+            "length [s]",
+            "separation [times the uncertainty]",
+            "doubt left",
+        ],
         rows=[_row(one) for one in (found.chosen, *found.runners_up)],
         note="Separation: mean distance of two explanations, weighted by their probabilities. Doubt left: "
         "expected probability of a wrong explanation after a recording. The first row was chosen.",

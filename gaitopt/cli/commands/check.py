@@ -45,7 +45,7 @@ def run(options: Options) -> None:
 
 COMMAND = Command(
     name="check",
-    summary="check a model for defects that make its gaits useless on a real robot",
+    summary="check the model for errors that would make results unreliable",
     example="gaitopt check arcfold",
     add_options=add_options,
     run=run,

@@ -42,7 +42,7 @@ _LEAST = 0.02
 """Share of a value that the lower end of its interval is drawn at, at least."""
 
 _MASKED_COLOUR = "0.35"
-_RANK_COLOURS = {"no effect": "0.45"}
+_RANK_COLOURS = {"no effect": "0.35"}
 _HATCHES = ("", "//", "..", "xx", "\\\\")
 
 
@@ -181,7 +181,7 @@ def held_out(diagnosis: Diagnosis, found: Causes) -> Figure:
     figure, axes = single_panel(1.2 + 0.62 * len(trials))
     places = np.arange(len(trials))[::-1]
     looks = (
-        (found.nominal.marker, 0.2, "0.45", "", "nominal"),
+        (found.nominal.marker, 0.2, "0.35", "", "nominal"),
         (best.marker, -0.2, BEST_COLOUR, "//", drawable(f"with {best.label}")),
     )
     for apart, shift, colour, hatch, label in looks:

@@ -37,9 +37,9 @@ from gaitopt.robot.signals import is_position
 
 _Place = Literal["outside upper center", "outside lower center"]
 
-_COMMAND_COLOUR = "0.45"
+_COMMAND_COLOUR = "0.35"
 _NOMINAL_COLOUR = "0.25"
-_COMPONENT_COLOURS = (*COLOURS[:6], "0.25", "0.45")
+_COMPONENT_COLOURS = (*COLOURS[:6], "0.25", "0.35")
 _HATCHES = ("", "//", "..", "xx", "\\\\", "--", "", "||")
 _FLOORS_SHOWN = 3.0
 """What is left is shown to this many floors at least, and as far as the corrected robot's goes."""
@@ -160,7 +160,7 @@ def held_out(rows: Sequence[tuple[str, Gap]]) -> Figure:
     figure, axes = single_panel(1.3 + 0.4 * len(rows))
     places = np.arange(len(rows))[::-1]
     looks = (
-        ([gap.before for _, gap in rows], 0.12, "0.45", "s", "nominal"),
+        ([gap.before for _, gap in rows], 0.12, "0.35", "s", "nominal"),
         ([gap.after for _, gap in rows], -0.12, BEST_COLOUR, "o", "corrected"),
     )
     for values, shift, colour, mark, label in looks:  # no bars, which begin nowhere on this axis

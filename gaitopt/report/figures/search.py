@@ -45,7 +45,7 @@ def convergence(entries: Sequence[Entry], baselines: Sequence[Verified]) -> Figu
         style = STYLES[index % len(STYLES)]
         axes.axhline(
             1e3 * baseline.speed,
-            color="0.45",
+            color="0.35",
             linestyle=style,
             linewidth=1.0,
             label=drawable(baseline.gait.name, WIDEST_IN_LEGEND),
@@ -92,7 +92,7 @@ def front(entries: Sequence[Entry], found: Sequence[FrontGait], baselines: Seque
     able = [entry for entry in entries if entry.evaluation.constraints_met and speed(entry) > 0.0]
     able = [entry for entry in able if np.isfinite(transport(entry))]
     axes.plot(
-        [1e3 * speed(e) for e in able], [transport(e) for e in able], ".", color="0.45", markersize=4,
+        [1e3 * speed(e) for e in able], [transport(e) for e in able], ".", color="0.35", markersize=4,
         label="evaluated, limits kept",
     )  # fmt: skip
     _front_gaits(axes, [one.verified for one in found if one.efficient], "o-", "front, verified")
