@@ -1,7 +1,7 @@
 """How well does a phone measure a tagged robot? Synthetic films over distance, blur and compression.
 
     python tests/studies/films.py --out results/films
-    python tests/studies/films.py --out DIR --seconds 1 --only distance --gaits square-4s
+    python tests/studies/films.py --out DIR --seconds 1 --only distance
 
 Films ArcFold with a synthetic phone (1080p, rolling shutter, lens blur, noise, H.264), tracks the films, and
 writes films.csv: for each film and signal the RMS error after alignment, the noise that was stated, and the
