@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from math import ceil
 from textwrap import fill
 
 import numpy as np
@@ -37,6 +38,9 @@ NARROW = 3.9
 
 _LETTERS = 32
 """Letters of an axis' label in a line of a narrow figure."""
+
+_LINE = 0.2
+"""Inches of a line of a legend."""
 
 _width = ContextVar("width", default=WIDTH)
 
@@ -113,11 +117,16 @@ def finish(axes: Axes, x: str, y: str, legend: bool = True) -> None:
 
 
 def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
-    """Put the legend under a figure, where it hides nothing."""
+    """Put the legend under a figure, where it hides nothing; a narrow figure grows with it."""
+    handles, labels = axes.get_legend_handles_labels()
+    fits = columns if width() == WIDTH else min(columns, 2)
+    more = ceil(len(labels) / fits) - ceil(len(labels) / columns)
+    figure.set_figheight(figure.get_figheight() + _LINE * more)
     figure.legend(
-        *axes.get_legend_handles_labels(),
+        handles,
+        labels,
         loc="outside lower center",
-        ncols=columns if width() == WIDTH else min(columns, 2),
+        ncols=fits,
         fontsize=8.5 if width() == WIDTH else 9.0,
         frameon=False,
     )
