@@ -28,6 +28,9 @@ Series = np.ndarray
 Change = Callable[[Series, Callable[[Series], Series]], Series]
 """Returns what is measured at some times, given the simulated response as a function of time."""
 
+Played = Callable[[LoggedCommands, np.random.Generator], LoggedCommands]
+"""Returns the commands that the robot gets in one recording, of those that are logged."""
+
 KINDS = {
     "step": ("step", 0.3, 1.0),
     "ramp": ("ramp", 0.6, 2.0),
@@ -47,6 +50,7 @@ def write_bench(
     problem: Problem,
     change: Change | None = None,
     trials: Mapping[str, int] = {"step": 2, "ramp": 1, "square": 2, "telegraph": 1},
+    played: Played = lambda drive, _: drive,
     **more: object,
 ) -> Path:
     """Write a data set: some repeats of some `KINDS` of commands, played by the problem's own robot.
@@ -56,6 +60,7 @@ def write_bench(
         problem: the bench.
         change: what is measured instead of the simulated response.
         trials: number of repeats of each kind.
+        played: what the robot gets of the logged commands.
         more: what each entry says besides.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -63,10 +68,11 @@ def write_bench(
     for kind, repeats in trials.items():
         made = commands(*KINDS[kind])
         drive = LoggedCommands.of((CHANNEL,), made.time, made.rows).recorded(made.duration_s, FRAME_S)
-        path = robot.run(drive, duration=KINDS[kind][2] + 0.5)
-        response = partial(np.interp, xp=path.time, fp=path[SIGNAL])
         for number in range(1, repeats + 1):
-            noise = NOISE_RAD * np.random.default_rng(number).standard_normal(len(made.time))
+            rng = np.random.default_rng(number)
+            noise = NOISE_RAD * rng.standard_normal(len(made.time))
+            path = robot.run(played(drive, rng), duration=KINDS[kind][2] + 0.5)
+            response = partial(np.interp, xp=path.time, fp=path[SIGNAL])
             angle = response(made.time) if change is None else change(made.time, response)
             name = f"{kind}-{number}"
             columns = {"t_s": made.time, "target_rad": made.rows[:, 0], "angle_rad": angle + noise}

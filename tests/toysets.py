@@ -27,6 +27,7 @@ def toy_hypothesis(name: str, rough: bool = False, unusual: float = 0.0) -> Hypo
         name=name,
         target="none",
         rough=rough,
+        jumps=False,
         unusual=unusual,
         scale="lin",
         parameter="size",

@@ -101,6 +101,8 @@ class Effect:
         unusual: minus twice the logarithm of the odds that it is at work, beside other effects: it is named
             only where none of these does the same.
         on_joints: whether it acts on actuators that turn a joint, and on no others of its target.
+        jumps: whether the commands jump where the parameter changes smoothly, and otherwise are known; such
+            an effect is rough, from a neutral lower bound up.
         rough: whether the response jumps, or is left to chance, where the parameter changes smoothly: slopes
             mislead a fit of many effects.
         structure, model, commands, loop, observe: the hooks; None where it does not use one.
@@ -130,6 +132,7 @@ class Effect:
     unusual: float = 0.0
     on_joints: bool = False
     rough: bool = False
+    jumps: bool = False
     structure: Structure | None = None
     model: Edit | None = None
     commands: Send | None = None

@@ -105,11 +105,20 @@ class LoggedCommands:
         held: NDArray[np.float64] = self.rows[np.maximum(index, 0)]
         return held
 
+    @property
+    def changes(self) -> NDArray[np.float64]:
+        """Gait times of the rows that command something else than the row before, s; the first row is one."""
+        return self.time[self._changed]
+
+    @cached_property
+    def _changed(self) -> NDArray[np.bool_]:
+        same = (self.rows[1:] == self.rows[:-1]) | (np.isnan(self.rows[1:]) & np.isnan(self.rows[:-1]))
+        return np.concatenate([[True], ~same.all(axis=1)])
+
     @cached_property
     def commands_key(self) -> str:
         """Equal for two logs that command the same: rows that repeat the one before do not count."""
-        same = (self.rows[1:] == self.rows[:-1]) | (np.isnan(self.rows[1:]) & np.isnan(self.rows[:-1]))
-        changed = np.concatenate([[True], ~same.all(axis=1)])
+        changed = self._changed
         stamps = np.rint(self.time[changed] / _SAME_TIME_S).astype(np.int64)
         rows = np.where(np.isnan(self.rows), np.nan, self.rows + 0.0)[changed]  # one NaN and one zero
         return hashlib.sha256(stamps.tobytes() + rows.tobytes()).hexdigest()

@@ -15,7 +15,7 @@ not predict. So cycles can be resampled, left out and added up.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +133,18 @@ class WhitenedTrial:
         robots = robot_covariance(self.aligned, self.bins, changes @ factor.T, self.settings)
         update: Array = solve_triangular(cholesky(self.measurement + robots, lower=True), factor, lower=True)
         return update
+
+    def with_errors_along(self, columns: Array) -> WhitenedTrial:
+        """Return the trial with further errors, which no robot changes, in its covariance.
+
+        Args:
+            columns: responses whose sizes are unknown with a standard deviation of 1, shape (n, k).
+        """
+        further = columns @ columns.T
+        factor = solve_triangular(self.whitener, np.eye(self.n_rows), lower=True)
+        whole = cholesky(factor @ factor.T + further, lower=True)
+        whitener = np.ascontiguousarray(solve_triangular(whole, np.eye(self.n_rows), lower=True))
+        return replace(self, whitener=whitener, measurement=self.measurement + further)
 
     def compare(self, trajectory: Trajectory) -> TrialResiduals | None:
         """Return the trial compared with a prediction; None where the simulation failed."""

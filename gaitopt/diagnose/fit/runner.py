@@ -94,10 +94,11 @@ class Runner:
         runs, signals = _work_of(trial_set)
         batch = _Batch(self, trial_set, len(requests), on_done)
         for index, request in enumerate(requests):
-            if not request.measurement_only and not batch.recall(index, request.name, request.at):
+            name = trial_set.label + request.name
+            if not request.measurement_only and not batch.recall(index, name, request.at):
                 call = (problem, request.effects, trial_set.simulator.fidelity, runs, signals)
                 future = self.executor.submit(predict_with_effects, *call)
-                batch.wait_for(index, request.name, request.at, future)
+                batch.wait_for(index, name, request.at, future)
         found = batch.results()
         for index, request in enumerate(requests):
             if request.measurement_only:
@@ -109,9 +110,10 @@ class Runner:
         runs, signals = _work_of(trial_set)
         batch = _Batch(self, trial_set, len(robots), lambda: None)
         for index, (name, robot) in enumerate(robots.items()):
-            if not batch.recall(index, name, ()):
+            kept = trial_set.label + name
+            if not batch.recall(index, kept, ()):
                 future = self.executor.submit(predict_with_robot, robot, runs, signals)
-                batch.wait_for(index, name, (), future)
+                batch.wait_for(index, kept, (), future)
         return batch.results()
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
+from gaitopt.diagnose.fit.proposals import Proposals
 from gaitopt.diagnose.fit.set_fit import Point, SetFit, SetFitter
 from gaitopt.diagnose.fit.settings import SetSettings
 from gaitopt.diagnose.fit.single import robot_request
@@ -59,6 +60,8 @@ class SetSearch:
         nominal: the trials compared with the nominal robot.
         settings: how sets are searched.
         coarse: fits sets by the errors in shares of the motion.
+        proposals: proposes where to try an effect that changes commands in jumps; None where nothing can.
+        known: effects that are at work as other evidence says, each at its coordinate: in every set.
         found: every set that was fitted, by its effects with their targets.
     """
 
@@ -67,13 +70,15 @@ class SetSearch:
     nominal: Comparison
     settings: SetSettings
     coarse: SetFitter
+    proposals: Proposals | None = None
+    known: Point = ()
     found: dict[frozenset[str], SetFit] = field(default_factory=dict)
     _first: dict[str, _Tried] = field(default_factory=dict)
     _last: dict[str, _Tried] = field(default_factory=dict)
 
     def run(self) -> list[SetFit]:
         """Return the sets that were fitted, the best score first; the empty set is among them."""
-        best = self._kept([self.fitter.empty(self.nominal)])[0]
+        best = self._kept([self.fitter.empty(self.nominal), *self.fitter.placed(self._known_points)])[-1]
         while len(best.hypotheses) < self.settings.most_effects:
             if len(best.hypotheses) >= self.settings.one_by_one and self._falls_short(best):
                 break
@@ -85,6 +90,15 @@ class SetSearch:
             self._all_together(best)
         self._finish()
         return self.ranked
+
+    @property
+    def _known_points(self) -> list[Point]:
+        return [self.known] if self.known else []
+
+    def _droppable(self, fit: SetFit) -> list[int]:
+        """Return the places of the effects of a set that it may do without."""
+        known = [h.name for h, _ in self.known]
+        return [i for i, h in enumerate(fit.hypotheses) if h.name not in known]
 
     def _falls_short(self, fit: SetFit) -> bool:
         """Whether a set leaves much more than a correct one in more than a few trials."""
@@ -114,10 +128,11 @@ class SetSearch:
             if not one.hypothesis.effect.rough:
                 first.setdefault(one.hypothesis.effect.name, one)
         order = sorted(first.values(), key=lambda one: one.hypothesis.effect.name not in grown.effects)
-        return [
+        begun = [
             (one.hypothesis, _coordinate(one.hypothesis, math.copysign(share, one.share)))
             for one in order[: self.settings.widest_set]
         ]
+        return [*self.known, *begun]
 
     def _thinned(self, fit: SetFit) -> SetFit:
         """Return a set without the effects that, as the slopes predict, do not pay for themselves.
@@ -126,8 +141,8 @@ class SetSearch:
         """
         for worth in (self.settings.price - self.settings.worth, 0.0):
             thin = fit
-            while len(thin.hypotheses) > 1:
-                smaller = [self.fitter.without_effect(thin, i) for i in range(len(thin.hypotheses))]
+            while len(self._droppable(thin)) > 1:
+                smaller = [self.fitter.without_effect(thin, i) for i in self._droppable(thin)]
                 best = min(smaller, key=self._expected)
                 if self._expected(best) > self._expected(thin) - worth:
                     break
@@ -167,7 +182,7 @@ class SetSearch:
     def _tried_beside(self, fit: SetFit) -> list[_Tried]:
         """Return every other effect beside a set, the best expected score first, each effect once."""
         others = [h for h in self.hypotheses if h.effect.name not in fit.effects]
-        work = [(h, share) for h in others for share in self._shares(h)]
+        work = [(h, share) for h in others for share in self._shares(fit, h)]
         points = [(h, _coordinate(h, share)) for h, share in work]
         requests = [robot_request([*fit.point, point]) for point in points]
         best: dict[str, _Tried] = {}
@@ -190,8 +205,10 @@ class SetSearch:
     def _expected(self, fit: SetFit) -> float:
         return self.fitter.expected(fit)[1] + self.fitter.price(fit)
 
-    def _shares(self, hypothesis: Hypothesis) -> list[float]:
+    def _shares(self, fit: SetFit, hypothesis: Hypothesis) -> list[float]:
         """Return where an effect is tried: everywhere at first, then where it was best, and a little."""
+        if self.proposals is not None and hypothesis.effect.jumps:
+            return self.proposals.shares(fit, hypothesis)
         signs = [1.0 if bound > hypothesis.neutral else -1.0 for bound in hypothesis.sides]
         if hypothesis.name not in self._last:
             rough = hypothesis.effect.rough
@@ -206,7 +223,7 @@ class SetSearch:
         Each is left out of a simulated robot: near its neutral value the slopes may be those of its far side.
         """
         while len(fit.hypotheses) > 1:
-            smaller = [self.fitter.without_effect(fit, i) for i in range(len(fit.hypotheses))]
+            smaller = [self.fitter.without_effect(fit, i) for i in self._droppable(fit)]
             without = self._simulated([one for one in smaller if one.names not in self.found])
             limit = self.fitter.score(fit) + self.settings.doubtful
             doubtful = sorted((one for one in without if self._expected(one) < limit), key=self._expected)
@@ -246,7 +263,7 @@ class SetSearch:
         """Return the sets with one effect exchanged that are expected to be best."""
         found: dict[frozenset[str], tuple[float, SetFit]] = {}
         for beside in self._tried_beside(fit):
-            for index in range(len(fit.hypotheses)):
+            for index in self._droppable(fit):
                 smaller = self.fitter.without_effect(beside.fit, index)
                 if smaller.names in self.found:
                     continue

@@ -193,6 +193,29 @@ class ResponseSettings:
 
 
 @dataclass(frozen=True)
+class ProposalSettings:
+    """Values of an effect that changes commands in jumps, compared without a simulation.
+
+    Attributes:
+        least: smallest of them, as a share of the range,
+        values: their number, each by the same factor larger than the one before: of 1 rad, rounded to 100
+            steps, the next value changes the last step by one.
+        lags_s: lags with which joints may follow, s.
+        apart: logarithm of the factor between two proposals, at least.
+        most: number of proposals, at most.
+    """
+
+    least: float = 0.05
+    values: int = 600
+    lags_s: tuple[float, ...] = (0.05, 0.1, 0.2, 0.4)
+    apart: float = 0.012
+    most: int = 12
+
+
+PROPOSALS = ProposalSettings()
+
+
+@dataclass(frozen=True)
 class SetSettings:
     """How sets of effects are fitted and searched.
 
@@ -206,7 +229,8 @@ class SetSettings:
         price: loss that an effect must save at least, or it is left out.
         worth: gain of the score from which the search goes on.
         screened: shares of the way from neutral to each bound at which an effect is tried first.
-        screened_rough: the same for an effect with a rough response, which is fitted from the best of them.
+        screened_rough: the same for an effect with a rough response, which is fitted from the best of them,
+            where `Proposals` cannot say more.
         beyond: how far an effect is expected to go, in multiples of where it was tried.
         started: effects that are added and fitted roughly.
         rough_rounds: rounds of that.

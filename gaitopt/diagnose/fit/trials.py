@@ -60,6 +60,7 @@ class TrialSet:
         angle_blocks: block of each sample of the angles, shape (samples,).
         folds: blocks of each fold that is held out in turn.
         updates: whitening update of each trial for a later covariance; empty for the first one.
+        label: what the names of its comparisons in a cache begin with: others have another first covariance.
     """
 
     simulator: Simulator
@@ -72,6 +73,7 @@ class TrialSet:
     angle_blocks: Indices
     folds: tuple[Indices, ...]
     updates: tuple[Array, ...] = ()
+    label: str = ""
 
     @staticmethod
     def of(simulator: Simulator, trials: Sequence[WhitenedTrial], nominal: Sequence[Trajectory]) -> TrialSet:
@@ -208,6 +210,18 @@ class TrialSet:
         """
         parts = zip(self.trials, np.split(changes, self._ends, axis=1), strict=True)
         return replace(self, updates=tuple(trial.whitening_update(part) for trial, part in parts))
+
+    def with_errors_along(self, columns: Sequence[Array], label: str) -> TrialSet:
+        """Return the trials with a first covariance that has further errors.
+
+        Args:
+            columns: for each trial, responses whose sizes are unknown with a standard deviation of 1, m and
+                rad, shape (rows of the trial, k).
+            label: a name for this covariance.
+        """
+        pairs = zip(self.trials, columns, strict=True)
+        trials = tuple(trial.with_errors_along(own) for trial, own in pairs)
+        return replace(self, trials=trials, updates=(), label=f"{label} ")
 
     def rewhiten_rows(self, rows: Array, before: TrialSet) -> Array:
         """Return rows, or columns of rows, that the same trials have whitened by another covariance."""

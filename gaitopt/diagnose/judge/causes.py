@@ -14,7 +14,7 @@ from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.gap import Gap, GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
-from gaitopt.diagnose.judge.precision import Interval, Precision
+from gaitopt.diagnose.judge.precision import Interval, Precision, at_clock
 from gaitopt.diagnose.judge.set_verdict import misfit_trials
 from gaitopt.diagnose.judge.verdict import Verdict
 
@@ -168,8 +168,12 @@ class Causes:
     def intervals(self, candidate: Candidate) -> list[Interval]:
         """Return a 90 % interval of each parameter of a candidate, in its unit."""
         if self.judgement.sets is not None:
-            return self.judgement.sets.intervals(candidate, self.changes)
-        return Precision(self.changes, self.judgement.settings).intervals(candidate)
+            found = self.judgement.sets.intervals(candidate, self.changes)
+        else:
+            found = Precision(self.changes, self.judgement.settings).intervals(candidate)
+        step_s = self.trial_set.simulator.fidelity.timestep_s
+        parts = zip(candidate.hypotheses, candidate.at, found, strict=True)
+        return [at_clock(h, h.value(at), ends, step_s) for h, at, ends in parts]
 
     @cached_property
     def effects(self) -> list[EffectProbability]:

@@ -21,8 +21,8 @@ from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.gap import GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.perturbed import PerturbedRobots, perturbed_about
+from gaitopt.diagnose.judge.set_causes import judged_by_sets
 from gaitopt.diagnose.judge.set_verdict import conclude_sets
-from gaitopt.diagnose.judge.sets import JudgedSets, SetJudge
 from gaitopt.diagnose.judge.small_errors import perturbed_robots
 from gaitopt.diagnose.judge.unevenness import unevenness
 from gaitopt.diagnose.judge.verdict import Verdict, conclude, falls_short, is_shown, pair_is_needed
@@ -165,9 +165,7 @@ def _explained_by_sets(
     judgement: Judgement, gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Context
 ) -> Causes:
     """Return the answer from sets of effects of any size."""
-    judge = SetJudge.of(judgement.trial_set, context.runner, context.settings.sets)
-    judged = JudgedSets.of(judge, judge.search(hypotheses, judgement.nominal))
-    judgement = replace(judgement, sets=judged)
+    judgement, judged = judged_by_sets(judgement, gap.floors, hypotheses, context)
     verdict = conclude_sets(judgement, judged, len(hypotheses))
     none = np.empty((0, len(judgement.trial_set.row_blocks)))
     if not judged.candidates:

@@ -109,3 +109,22 @@ def in_unit(h: Hypothesis, sides: Sequence[float]) -> Interval:
     """Return the parameter at both ends of an interval, which a range may cut off."""
     low, high = sorted(h.value(min(max(at, h.low), h.high)) for at in sides)
     return low, high
+
+
+def at_clock(h: Hypothesis, value: float, interval: Interval, step_s: float) -> Interval:
+    """Return the interval of a parameter, wider by half a step of the clock where the parameter is a time.
+
+    The simulation knows when something happens to half a step either way. Squares are added.
+
+    Args:
+        h: the effect on its target.
+        value: the parameter.
+        interval: its interval.
+        step_s: the timestep, s.
+    """
+    if h.effect.unit != "s":
+        return interval
+    halves = [math.hypot(end - value, 0.5 * step_s) for end in interval]
+    ends = (value - halves[0], value + halves[1])
+    low, high = (end if h.effect.allows(end) else kept for end, kept in zip(ends, interval, strict=True))
+    return low, high

@@ -57,7 +57,7 @@ def at_work(judgement: Judgement, sets: JudgedSets) -> Mapping[str, float]:
     chances = judgement.ranking.probabilities.tolist()
     for candidate, changes, chance in zip(sets.candidates, sets.changes, chances, strict=True):
         for one in candidate.hypotheses:
-            if changes[one.name] >= least:
+            if one.name in sets.known or changes[one.name] >= least:
                 totals[one.effect.name] = totals.get(one.effect.name, 0.0) + chance
     return dict(sorted(totals.items(), key=lambda item: -item[1]))
 

@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.statistics import NORMAL_95
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
+from gaitopt.diagnose.fit.proposals import Proposals
 from gaitopt.diagnose.fit.robust import RobustLoss
 from gaitopt.diagnose.fit.runner import RobotRequest, Runner
-from gaitopt.diagnose.fit.set_fit import SetFit, SetFitter
+from gaitopt.diagnose.fit.set_fit import Point, SetFit, SetFitter
 from gaitopt.diagnose.fit.set_search import SetSearch
 from gaitopt.diagnose.fit.settings import SetSettings
 from gaitopt.diagnose.fit.single import robot_request
@@ -64,12 +66,21 @@ class SetJudge:
         )
         return SetJudge(trial_set, loss, SetFitter(loss, simulate, trial_set.rows, settings), settings)
 
-    def search(self, hypotheses: Sequence[Hypothesis], nominal: Comparison) -> list[SetFit]:
-        """Return the sets that were fitted, the best first; the empty set is among them."""
+    def search(
+        self, hypotheses: Sequence[Hypothesis], nominal: Comparison, known: Point = ()
+    ) -> list[SetFit]:
+        """Return the sets that were fitted, the best first; the empty set is among them.
+
+        Args:
+            hypotheses: every effect on each of its targets.
+            nominal: the trials compared with the nominal robot.
+            known: effects that are in every other set, each at its coordinate.
+        """
         settings, loss = self.settings, self.loss
         wide = replace(loss, freedom=settings.gaussian, errors=((0.0, settings.motion),))
         coarse = replace(self.fitter, loss=wide)
-        return SetSearch(self.fitter, hypotheses, nominal, settings, coarse).run()
+        proposals = Proposals(self.trial_set, loss)
+        return SetSearch(self.fitter, hypotheses, nominal, settings, coarse, proposals, known).run()
 
     def candidate(self, fit: SetFit) -> Candidate:
         """Return a set with what it leaves of held-out commands."""
@@ -153,6 +164,7 @@ class JudgedSets:
         scores: logarithm of the posterior weight of each, up to a constant, shape (candidates,).
         none: the same of the empty set.
         changes: what each effect of a set changes, see `SetJudge.changes`; simulated for the first set.
+        known: intervals of the effects that are at work as other evidence says: they are in every set.
     """
 
     judge: SetJudge
@@ -160,24 +172,37 @@ class JudgedSets:
     scores: Array
     none: float
     changes: tuple[Mapping[str, float], ...]
+    known: Mapping[str, Interval] = field(default_factory=dict)
 
     @staticmethod
-    def of(judge: SetJudge, sets: Sequence[SetFit]) -> JudgedSets:
-        """Return some sets, judged."""
+    def of(
+        judge: SetJudge, sets: Sequence[SetFit], known: Mapping[str, Interval] = MappingProxyType({})
+    ) -> JudgedSets:
+        """Return some sets, judged.
+
+        Args:
+            judge: their judge.
+            sets: the sets.
+            known: intervals of the effects that other evidence shows; the empty set is then impossible.
+        """
         every = [judge.candidate(fit) for fit in sets]
         scores = judge.scores(every)
         order = [i for i in np.argsort(-scores, kind="stable").tolist() if every[i].hypotheses]
         none = [float(score) for one, score in zip(every, scores, strict=True) if not one.hypotheses]
+        none = [] if known else none
         changes = [judge.simulated_changes(sets[i]) for i in order[:1]]
         changes += [judge.changes(sets[i]) for i in order[1:]]
         candidates = tuple(every[i] for i in order)
-        return JudgedSets(judge, candidates, scores[order], max(none, default=-math.inf), tuple(changes))
+        best = max(none, default=-math.inf)
+        return JudgedSets(judge, candidates, scores[order], best, tuple(changes), known)
 
     def intervals(self, candidate: Candidate, changes: Array) -> list[Interval]:
         """Return a 90 % interval of each parameter of a set, in its unit."""
         if candidate.together is None:
             raise ValueError("the candidate is no set of effects")
-        return set_intervals(candidate.together, self.judge.loss, self.judge.fitter, changes)
+        found = set_intervals(candidate.together, self.judge.loss, self.judge.fitter, changes)
+        parts = zip(candidate.hypotheses, found, strict=True)
+        return [self.known.get(h.name, interval) for h, interval in parts]
 
 
 def set_intervals(fit: SetFit, loss: RobustLoss, fitter: SetFitter, changes: Array) -> list[Interval]:

@@ -21,6 +21,37 @@ from gaitopt.diagnose.gap.settings import GapSettings
 
 
 @dataclass(frozen=True)
+class LatenessSettings:
+    """How the delays of commands by chance are found.
+
+    Attributes:
+        shortest_s: commands whose changes follow one another sooner, in the median, are left out, s.
+        tried_s: delay at which the response is simulated, s, at most half the time to the next change.
+        least_s, most_s: standard deviations of the delays that are tried, s.
+        sizes: number of them.
+        rounds: times that the response is simulated, later at the delay that was found.
+        gain: logarithm of how much likelier the repeats' differences must be with delays than without.
+        explained: share of the differences above the noise that delays must explain: a wandering sensor has
+            0.6, delays have 0.98.
+        interval: fall of the logarithm of the likelihood at the ends of a 90 % interval (half of 2.71, the
+            90 % point of chi-square with one degree of freedom).
+    """
+
+    shortest_s: float = 0.05
+    tried_s: float = 5e-3
+    least_s: float = 5e-4
+    most_s: float = 0.1
+    sizes: int = 90
+    rounds: int = 2
+    gain: float = 10.0
+    explained: float = 0.9
+    interval: float = 1.355
+
+
+LATENESS = LatenessSettings()
+
+
+@dataclass(frozen=True)
 class SmallErrorSettings:
     """Robots with small errors.
 
@@ -187,6 +218,7 @@ class DiagnosisSettings:
     pairs: PairSettings = PAIRS
     sets: SetSettings = SETS
     response: ResponseSettings = RESPONSE
+    lateness: LatenessSettings = LATENESS
     small_errors: SmallErrorSettings = SmallErrorSettings()
     evidence: EvidenceSettings = EvidenceSettings()
     precision: PrecisionSettings = PrecisionSettings()

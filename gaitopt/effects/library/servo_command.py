@@ -56,6 +56,7 @@ def _round_angles(sent: Commands, step: float, parts: Parts) -> Commands:
 SERVO_RESOLUTION = Effect(
     name="servo_resolution",
     rough=True,
+    jumps=True,
     summary="smallest step of the commanded angle: it is rounded to a multiple of this",
     parameter="step_rad",
     unit="rad",

@@ -1,5 +1,7 @@
 """Sets of effects are fitted by a robust loss, grown, thinned and exchanged."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from toysets import ToyBench, curved, late
@@ -145,3 +147,20 @@ def test_a_robot_that_cannot_be_simulated_is_left_out() -> None:
 def test_a_search_is_the_same_every_time() -> None:
     first, again = (bench({"effect_0": 0.4, "effect_5": 0.6}, 6).search().run() for _ in range(2))
     assert [fit.loss for fit in first] == [fit.loss for fit in again]
+
+
+def test_an_effect_that_is_known_is_in_every_set() -> None:
+    rng = np.random.default_rng(5)
+    shapes = rng.standard_normal((3, 200))
+    responses = {
+        name: (lambda size, shape=shape: size * shape) for name, shape in zip("abc", shapes, strict=True)
+    }
+    bench = ToyBench(responses, 4.0 * shapes[1] + rng.standard_normal(200), 4)
+    known = replace(bench.hypotheses[0], low=0.499, high=0.501)
+    search = replace(bench.search(), known=[(known, 0.5)])
+    found = search.run()
+    assert all("a" in fit.names for fit in found if fit.hypotheses)
+    first = found[0]
+    assert first.names == {"a", "b"}
+    (at,) = [at for one, at in first.point if one.name == "a"]
+    assert at == pytest.approx(0.5, abs=2e-3)

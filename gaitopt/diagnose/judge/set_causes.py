@@ -1,0 +1,95 @@
+"""Sets of effects under logged commands; a second search where commands act late by chance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gaitopt.diagnose.fit.hypotheses import Hypothesis
+from gaitopt.diagnose.gap.floor import Floors
+from gaitopt.diagnose.judge.context import Context
+from gaitopt.diagnose.judge.judgement import Judgement
+from gaitopt.diagnose.judge.lateness import LateChanges, Lateness, measure_lateness, simulate_late_changes
+from gaitopt.diagnose.judge.sets import JudgedSets, SetJudge
+from gaitopt.effects.library.jitter import COMMAND_JITTER
+from gaitopt.effects.parts import ALL
+from gaitopt.simulation.rollout import Simulator
+
+_FIXED = 1e-3
+"""Range of a coordinate that is not fitted, as a share of its value on either side."""
+
+
+@dataclass(frozen=True)
+class _LateCommands:
+    """How late commands act by chance, and what a late change does, by the key of the drive."""
+
+    lateness: Lateness
+    changes: Mapping[str, LateChanges]
+
+
+def judged_by_sets(
+    judgement: Judgement, floors: Sequence[Floors], hypotheses: Sequence[Hypothesis], context: Context
+) -> tuple[Judgement, JudgedSets]:
+    """Return a judgement with sets of effects, and the sets.
+
+    A fit cannot find the delays of commands by chance: those of the model are others than those of the robot.
+    Repeats of the same commands tell how large they are. Then all is fitted again beside such delays.
+
+    Args:
+        judgement: the trials.
+        floors: floor of each signal of each trial.
+        hypotheses: the effects to try, each on its targets.
+        context: simulates robots; seed and settings.
+    """
+    judge = SetJudge.of(judgement.trial_set, context.runner, context.settings.sets)
+    judged = JudgedSets.of(judge, judge.search(hypotheses, judgement.nominal))
+    by_chance = [h for h in hypotheses if h.effect.name == COMMAND_JITTER.name and h.target == ALL]
+    late = _late_commands(replace(judgement, sets=judged), floors, context) if by_chance else None
+    if late is None:
+        return replace(judgement, sets=judged), judged
+    judgement = _whitened_with(judgement, late)
+    jitter = _fixed(by_chance[0], late.lateness.sd_s)
+    judge = SetJudge.of(judgement.trial_set, context.runner, context.settings.sets)
+    found = judge.search(hypotheses, judgement.nominal, [(jitter, late.lateness.sd_s)])
+    judged = JudgedSets.of(judge, found, {jitter.name: late.lateness.ci90})
+    return replace(judgement, sets=judged), judged
+
+
+def _late_commands(judgement: Judgement, floors: Sequence[Floors], context: Context) -> _LateCommands | None:
+    """Return how late commands act by chance; None where repeats do not show it.
+
+    What late changes do is simulated with the best robot so far, the second time at the delay that was found.
+    """
+    settings, trial_set = context.settings.lateness, judgement.trial_set
+    candidates = judgement.ranking.candidates
+    effects = candidates[0].effect_values if candidates else {}
+    robot = Simulator.build(trial_set.problem.with_effects(effects), fidelity=trial_set.simulator.fidelity)
+    by_s, found = settings.tried_s, None
+    for _ in range(settings.rounds):
+        changes = simulate_late_changes(robot, trial_set.trials, context.executor, by_s, settings)
+        lateness = measure_lateness(trial_set.trials, floors, changes, settings)
+        if lateness is None:
+            return None
+        by_s, found = max(settings.tried_s, lateness.sd_s), _LateCommands(lateness, changes)
+    return found
+
+
+def _whitened_with(judgement: Judgement, late: _LateCommands) -> Judgement:
+    """Return a judgement of trials whose covariance has the delays of the robot and those of the model."""
+    size = np.sqrt(2.0) * late.lateness.sd_s
+    columns = []
+    for one in judgement.trial_set.trials:
+        changes = late.changes.get(one.aligned.trial.drive.key)
+        columns.append(np.zeros((one.n_rows, 0)) if changes is None else size * changes.columns(one))
+    trial_set = judgement.trial_set.with_errors_along(columns, f"late by {late.lateness.sd_s!r} s:")
+    nominal = trial_set.compare([0.0], trial_set.nominal)
+    if nominal is None:
+        raise ValueError("the nominal prediction was checked when it was aligned")
+    return Judgement(trial_set, nominal, settings=judgement.settings)
+
+
+def _fixed(hypothesis: Hypothesis, value: float) -> Hypothesis:
+    """Return a hypothesis whose parameter no fit changes."""
+    return replace(hypothesis, low=(1.0 - _FIXED) * value, high=(1.0 + _FIXED) * value)

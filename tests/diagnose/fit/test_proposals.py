@@ -1,0 +1,43 @@
+"""Rounded commands are found among values that a simulation need not try."""
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benches import bench, located, write_bench
+
+from gaitopt.diagnose.fit.hypotheses import hypotheses
+from gaitopt.diagnose.fit.proposals import Proposals
+from gaitopt.diagnose.fit.runner import Runner
+from gaitopt.diagnose.judge.context import Context
+from gaitopt.diagnose.judge.find_causes import NominalGap, prepare_trials
+from gaitopt.diagnose.judge.sets import SetJudge
+from gaitopt.diagnose.judge.settings import DEFAULT
+from gaitopt.effects.library.servo_command import SERVO_RESOLUTION
+from gaitopt.simulation.rollout import Simulator
+
+KINDS = {"step": 2, "square": 1, "ramp": 1, "telegraph": 2}
+
+
+@pytest.mark.parametrize("step_rad", [0.0137, 0.0291])
+def test_the_step_of_rounded_commands_is_among_the_proposals(tmp_path: Path, step_rad: float) -> None:
+    problem = bench(tmp_path / "problem")
+    rounded = problem.with_effects({SERVO_RESOLUTION.name: {"step_rad": step_rad, "target": "all"}})
+    write_bench(tmp_path / "data", rounded, trials=KINDS)
+    found, simulator = located(problem, tmp_path / "data"), Simulator.build(problem)
+    trials, floors = zip(*[(one.aligned, one.floors) for one in found.trials], strict=True)
+    with ThreadPoolExecutor(1) as executor:
+        context = Context(Runner(executor), 1)
+        prepared = prepare_trials(NominalGap(simulator, trials, floors, 0.0), context)
+        judge = SetJudge.of(prepared.trial_set, context.runner, DEFAULT.sets)
+    (rounding,) = [
+        one
+        for one in hypotheses(simulator.effects.nominal, simulator.problem.channel_names, True)
+        if one.effect is SERVO_RESOLUTION and one.target == "all"
+    ]
+    proposals = Proposals(prepared.trial_set, judge.loss)
+    shares = proposals.shares(judge.fitter.empty(prepared.nominal), rounding)
+    values = np.array([rounding.value(rounding.coordinate_at(share)) for share in shares])
+    assert len(values) <= proposals.settings.most
+    assert np.abs(values / step_rad - 1.0).min() < 0.01
