@@ -10,14 +10,17 @@ from gaitopt.diagnose.judge.set_verdict import at_work
 from gaitopt.diagnose.judge.settings import VerdictSettings
 
 
-def judged(*sets: tuple[float, dict[str, float]]) -> tuple[Any, Any]:
+def judged(*sets: tuple[float, dict[str, float]], known: tuple[str, ...] = ()) -> tuple[Any, Any]:
     """Sets, each with its probability and what its effects change."""
+    intervals = dict.fromkeys(known, (0.0, 1.0))
     judgement = SimpleNamespace(
         settings=SimpleNamespace(verdict=VerdictSettings(matters=2.0)),
         ranking=SimpleNamespace(probabilities=np.array([chance for chance, _ in sets])),
     )
     candidates = [SimpleNamespace(hypotheses=[toy_hypothesis(name) for name in one]) for _, one in sets]
-    return judgement, SimpleNamespace(candidates=candidates, changes=[one for _, one in sets])
+    return judgement, SimpleNamespace(
+        candidates=candidates, changes=[one for _, one in sets], known=intervals
+    )
 
 
 def test_an_effect_is_as_probable_as_the_sets_that_have_it() -> None:
@@ -28,3 +31,8 @@ def test_an_effect_is_as_probable_as_the_sets_that_have_it() -> None:
 def test_an_effect_that_changes_nearly_nothing_is_no_cause() -> None:
     judgement, sets = judged((0.9, {"lag": 40.0, "gain": 0.3}), (0.1, {"lag": 40.0, "gain": 8.0}))
     assert dict(at_work(judgement, sets)) == {"lag": 1.0, "gain": 0.1}
+
+
+def test_an_effect_that_other_evidence_shows_is_a_cause_whatever_it_changes() -> None:
+    judgement, sets = judged((0.9, {"lag": 40.0, "jitter": 0.3}), (0.1, {"jitter": 0.2}), known=("jitter",))
+    assert dict(at_work(judgement, sets)) == {"lag": 0.9, "jitter": 1.0}
