@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
+from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.judgement import Judgement
@@ -17,16 +19,37 @@ from gaitopt.effects.library.jitter import COMMAND_JITTER
 from gaitopt.effects.parts import ALL
 from gaitopt.simulation.rollout import Simulator
 
+Array = NDArray[np.float64]
+
 _FIXED = 1e-3
 """Range of a coordinate that is not fitted, as a share of its value on either side."""
 
 
+_DELAYS = (1.0 / 8.0, 3.0 / 8.0, 5.0 / 8.0, 7.0 / 8.0)
+"""Delays that stand for a uniform distribution, as shares of its width."""
+
+
 @dataclass(frozen=True)
 class _LateCommands:
-    """How late commands act by chance, and what a late change does, by the key of the drive."""
+    """How late commands act by chance, and what a change does that is late by each of `_DELAYS`.
+
+    Attributes:
+        lateness: how late they act.
+        changes: for each of these delays, what a robot does, by the key of the drive.
+    """
 
     lateness: Lateness
-    changes: Mapping[str, LateChanges]
+    changes: Sequence[Mapping[str, LateChanges]]
+
+    def columns(self, trial: WhitenedTrial) -> Array:
+        """Return responses of a trial whose squares add up to the covariance by delays, shape (n, k)."""
+        key = trial.aligned.trial.drive.key
+        if any(key not in changes for changes in self.changes):
+            return np.zeros((trial.n_rows, 0))
+        moved = np.stack([changes[key].columns(trial) * changes[key].by_s for changes in self.changes])
+        apart = (moved - moved.mean(axis=0)) / np.sqrt(len(moved))
+        columns: Array = np.concatenate(list(apart), axis=1)
+        return columns
 
 
 def judged_by_sets(
@@ -66,23 +89,26 @@ def _late_commands(judgement: Judgement, floors: Sequence[Floors], context: Cont
     candidates = judgement.ranking.candidates
     effects = candidates[0].effect_values if candidates else {}
     robot = Simulator.build(trial_set.problem.with_effects(effects), fidelity=trial_set.simulator.fidelity)
-    by_s, found = settings.tried_s, None
+    by_s, lateness = settings.tried_s, None
     for _ in range(settings.rounds):
         changes = simulate_late_changes(robot, trial_set.trials, context.executor, by_s, settings)
         lateness = measure_lateness(trial_set.trials, floors, changes, settings)
         if lateness is None:
             return None
-        by_s, found = max(settings.tried_s, lateness.sd_s), _LateCommands(lateness, changes)
-    return found
+        by_s = max(settings.tried_s, lateness.sd_s)
+    if lateness is None:
+        return None
+    width = np.sqrt(12.0) * lateness.sd_s
+    delays = [
+        simulate_late_changes(robot, trial_set.trials, context.executor, share * width, settings)
+        for share in _DELAYS
+    ]
+    return _LateCommands(lateness, delays)
 
 
 def _whitened_with(judgement: Judgement, late: _LateCommands) -> Judgement:
     """Return a judgement of trials whose covariance has the delays of the robot and those of the model."""
-    size = np.sqrt(2.0) * late.lateness.sd_s
-    columns = []
-    for one in judgement.trial_set.trials:
-        changes = late.changes.get(one.aligned.trial.drive.key)
-        columns.append(np.zeros((one.n_rows, 0)) if changes is None else size * changes.columns(one))
+    columns = [np.sqrt(2.0) * late.columns(one) for one in judgement.trial_set.trials]
     trial_set = judgement.trial_set.with_errors_along(columns, f"late by {late.lateness.sd_s!r} s:")
     nominal = trial_set.compare([0.0], trial_set.nominal)
     if nominal is None:

@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 def conclude_sets(judgement: Judgement, sets: JudgedSets, n_hypotheses: int) -> Verdict:
     """Return the answer that sets of effects allow.
 
+    What other evidence shows explains a part, however little the fit gains by it: that of effects of chance
+    lies in how repeats differ.
+
     Args:
         judgement: the trials and the sets.
         sets: the sets.
@@ -44,7 +47,8 @@ def conclude_sets(judgement: Judgement, sets: JudgedSets, n_hypotheses: int) -> 
         kind = "explained" if clear else "ambiguous" if causes else "no_gap"
     else:
         explained = 1.0 - math.sqrt(remains / max(_typical(sets, judgement.none), 1e-300))
-        kind = "partly_explained" if explained >= settings.little else "unexplained"
+        shown = explained >= settings.little or bool(sets.known)
+        kind = "partly_explained" if shown else "unexplained"
         if kind == "unexplained":
             causes, rest = (), ()
     return Verdict(kind, causes, rest, other, chance_alone)
