@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -60,9 +61,20 @@ def drawing(name: str, figure: Figure, draw: Callable[[], Figure]) -> Drawing:
         draw: draws it again, for a narrow one.
     """
     text = described(figure)
+    return Drawing(_svg(f"{name}-w", figure), _narrow_svg(f"{name}-n", draw), text)
+
+
+def _narrow_svg(name: str, draw: Callable[[], Figure]) -> Markup:
+    """Return a figure for a narrow window: as for a wide one where its names leave no room for the curves."""
     with narrow():
         small = draw()
-    return Drawing(_svg(f"{name}-w", figure), _svg(f"{name}-n", small), text)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "constrained_layout not applied")
+        try:
+            return _svg(name, small)
+        except UserWarning:
+            plt.close(small)
+    return _svg(name, draw())
 
 
 def described(figure: Figure) -> str:
