@@ -94,11 +94,10 @@ class Runner:
         runs, signals = _work_of(trial_set)
         batch = _Batch(self, trial_set, len(requests), on_done)
         for index, request in enumerate(requests):
-            name = trial_set.label + request.name
-            if not request.measurement_only and not batch.recall(index, name, request.at):
+            if not request.measurement_only and not batch.recall(index, request.name, request.at):
                 call = (problem, request.effects, trial_set.simulator.fidelity, runs, signals)
                 future = self.executor.submit(predict_with_effects, *call)
-                batch.wait_for(index, name, request.at, future)
+                batch.wait_for(index, request.name, request.at, future)
         found = batch.results()
         for index, request in enumerate(requests):
             if request.measurement_only:
@@ -106,14 +105,13 @@ class Runner:
         return found
 
     def compare_robots(self, trial_set: TrialSet, robots: Mapping[str, Simulator]) -> list[Comparison | None]:
-        """Return the trials compared with robots, by their names in the cache."""
+        """Return the trials compared with robots by their names."""
         runs, signals = _work_of(trial_set)
         batch = _Batch(self, trial_set, len(robots), lambda: None)
         for index, (name, robot) in enumerate(robots.items()):
-            kept = trial_set.label + name
-            if not batch.recall(index, kept, ()):
+            if not batch.recall(index, name, ()):
                 future = self.executor.submit(predict_with_robot, robot, runs, signals)
-                batch.wait_for(index, kept, (), future)
+                batch.wait_for(index, name, (), future)
         return batch.results()
 
 
@@ -142,7 +140,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class _Pending:
-    """A robot that is being simulated: its place among the results, name in the cache, coordinates."""
+    """A robot that is being simulated: its place among the results, its name, coordinates."""
 
     index: int
     name: str
@@ -167,7 +165,7 @@ class _Batch:
     def recall(self, index: int, name: str, at: tuple[float, ...]) -> bool:
         """Add a comparison from the cache; return whether the cache has it."""
         cache = self._runner.cache
-        known = None if cache is None else cache.read(name)
+        known = None if cache is None else cache.read(self._kept(name))
         if known is None or not _fits(known, self._trial_set):
             return False
         coordinates = np.array(at, dtype=float)
@@ -195,8 +193,14 @@ class _Batch:
             comparison = trial_set.compare(pending.at, _for_trials(predictions, runs_of(trials), trials))
         if comparison is not None and cache is not None:
             arrays = (comparison.whitened, comparison.marker, comparison.angles)
-            cache.write(pending.name, dict(zip(("whitened", "apart", "angles"), arrays, strict=True)))
+            cache.write(
+                self._kept(pending.name), dict(zip(("whitened", "apart", "angles"), arrays, strict=True))
+            )
         self.put(pending.index, comparison)
+
+    def _kept(self, name: str) -> str:
+        """Return the name in the cache of the comparison with a robot."""
+        return self._trial_set.label + name
 
 
 def _fits(known: Mapping[str, NDArray[np.float64]], trial_set: TrialSet) -> bool:
