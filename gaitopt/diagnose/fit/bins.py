@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from gaitopt.diagnose.fit.settings import WhiteningSettings
 from gaitopt.diagnose.gap.align import Aligned
@@ -73,3 +74,18 @@ class Bins:
             sums += np.bincount(row, np.interp(time, trajectory.time, trajectory[name]), len(self.counts))
         means: Array = sums / self.counts
         return means
+
+    def averaging(self, signal: str, grid: Array, offset: float) -> csr_array:
+        """Return the matrix that averages a signal over each row, as `means` does, shape (n, times).
+
+        Args:
+            signal: the signal.
+            grid: gait times at which it is predicted, s, ascending, shape (times,).
+            offset: gait time at the recording's zero, s.
+        """
+        row, time = self.rows[signal], np.clip(self.sample_times[signal] + offset, grid[0], grid[-1])
+        left = np.clip(np.searchsorted(grid, time, side="right") - 1, 0, len(grid) - 2)
+        share = (time - grid[left]) / (grid[left + 1] - grid[left])
+        weights = np.concatenate([1.0 - share, share]) / np.tile(self.counts[row], 2)
+        places = (np.tile(row, 2), np.concatenate([left, left + 1]))
+        return csr_array((weights, places), shape=(len(self.counts), len(grid)))

@@ -225,7 +225,7 @@ class TrialSet:
 
     def rewhiten_rows(self, rows: Array, before: TrialSet) -> Array:
         """Return rows, or columns of rows, that the same trials have whitened by another covariance."""
-        parts = np.split(rows, self._ends)
+        parts = self.split(rows)
         if before.updates:
             undone = zip(before.updates, parts, strict=True)
             parts = [solve_triangular(update, part, lower=True) for update, part in undone]
@@ -236,6 +236,10 @@ class TrialSet:
     def rewhiten(self, comparison: Comparison, before: TrialSet) -> Comparison:
         """Return a comparison that the same trials have whitened by another covariance."""
         return replace(comparison, whitened=self.rewhiten_rows(comparison.whitened, before))
+
+    def split(self, rows: Array) -> list[Array]:
+        """Return rows of all trials, or columns of rows, trial by trial."""
+        return np.split(rows, self._ends)
 
     @property
     def _ends(self) -> Array:

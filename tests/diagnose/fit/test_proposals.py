@@ -37,7 +37,9 @@ def test_the_step_of_rounded_commands_is_among_the_proposals(tmp_path: Path, ste
         if one.effect is SERVO_RESOLUTION and one.target == "all"
     ]
     proposals = Proposals(prepared.trial_set, judge.loss)
-    shares = proposals.shares(judge.fitter.empty(prepared.nominal), rounding)
+    empty = judge.fitter.empty(prepared.nominal)
+    shares = proposals.shares(empty, rounding)
+    assert proposals.shares(empty, rounding) == shares
     values = np.array([rounding.value(rounding.coordinate_at(share)) for share in shares])
     assert len(values) <= proposals.settings.most
     assert np.abs(values / step_rad - 1.0).min() < 0.01

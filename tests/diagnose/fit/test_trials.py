@@ -97,3 +97,10 @@ class NoExecutor(SerialExecutor):
 
     def submit(self, *_: object, **__: object) -> None:  # type: ignore[override]
         raise AssertionError("nothing needs to be simulated")
+
+
+def test_the_averaging_matrix_gives_the_means_of_each_signal(prepared: PreparedTrials) -> None:
+    (one,) = prepared.trial_set.trials
+    predicted, offset = one.aligned.simulated, one.aligned.offset_s
+    parts = [one.bins.averaging(name, predicted.time, offset) @ predicted[name] for name in one.bins.rows]
+    np.testing.assert_allclose(np.sum(parts, axis=0), one.bins.means(predicted, offset), atol=1e-12)
