@@ -60,8 +60,8 @@ def drawing(name: str, figure: Figure, draw: Callable[[], Figure]) -> Drawing:
         figure: the figure, for a wide window.
         draw: draws it again, for a narrow one.
     """
-    text = described(figure)
-    return Drawing(_svg(f"{name}-w", figure), _narrow_svg(f"{name}-n", draw), text)
+    wide = _svg(f"{name}-w", figure)
+    return Drawing(wide, _narrow_svg(f"{name}-n", draw), described(figure))
 
 
 def _narrow_svg(name: str, draw: Callable[[], Figure]) -> Markup:
@@ -78,8 +78,7 @@ def _narrow_svg(name: str, draw: Callable[[], Figure]) -> Markup:
 
 
 def described(figure: Figure) -> str:
-    """Return what a figure shows in words: its axes with their ranges, its rows and its curves."""
-    figure.draw_without_rendering()
+    """Return what a drawn figure shows in words: its axes with their ranges, its rows and its curves."""
     panels = [axes for axes in figure.axes if axes.axison]
     texts = list(dict.fromkeys(filter(None, map(_panel_in_words, panels))))
     shown = f"; {len(texts) - 4} more panels" if len(texts) > 5 else ""
