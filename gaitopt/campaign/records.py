@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BaseModel, ConfigDict
 
+from gaitopt.core.validation import Figure
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.optimise.robots import Expected
 
 LEARN, WALK = "learn", "walk"
 """Why a gait is filmed: for what it tells, or as the best that is known."""
-
-Figure = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
-"""A number that is null in the file if it is not finite."""
 
 
 class Record(BaseModel):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import UnionType
 from typing import Annotated, Any, TypeVar, Union, get_origin
 
@@ -34,6 +35,10 @@ PLAIN_NUMBER = BeforeValidator(_no_text)
 
 PlainNumber = Annotated[float, Field(ge=-1e100, le=1e100, allow_inf_nan=False), PLAIN_NUMBER]
 """A number that can be squared, added and printed."""
+
+
+Figure = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
+"""A number that is null in the file if it is not finite; read back, it is NaN."""
 
 
 def validated(record: type[Record], values: object, source: object) -> Record:

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BaseModel, ConfigDict
 
 from gaitopt.core.files import read_json
-from gaitopt.core.validation import validated
+from gaitopt.core.validation import Figure, validated
 from gaitopt.optimise.ladder import Rung
 from gaitopt.optimise.pareto import FrontGait, speed, transport
 from gaitopt.optimise.run import Optimised
 from gaitopt.optimise.verification import Verified
 from gaitopt.problem.problem import Problem
-
-Figure = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
-"""A number that is null in the file if it is not finite; read back, it is NaN."""
 
 
 class _Row(BaseModel):
