@@ -127,20 +127,15 @@ def walked(
     return Walked(np.where(np.isfinite(speeds), speeds, 0.0), np.array(broken).T)
 
 
-def safer(problem: Problem, share: float) -> Problem:
-    """Return the problem with limits that most robots keep.
+def judged_by_shares(problem: Problem, breaking: float, slower: float | None) -> Problem:
+    """Return the problem with gaits judged by shares of the robots.
 
     Args:
         problem: the problem.
-        share: share of the robots that may break each limit.
+        breaking: share of the robots that may break each limit.
+        slower: share of them that may be slower than a gait's speed says; None for as its file says.
     """
-    objective = problem.objective.model_copy(update={"limits_over_scenarios": Quantile(quantile=share)})
-    return replace(problem, file=problem.file.model_copy(update={"objective": objective}))
-
-
-def judged_by(problem: Problem, quantile: float | None) -> Problem:
-    """Return the problem with the speed judged by a quantile over robots; None for as its file says."""
-    if quantile is None:
-        return problem
-    objective = problem.objective.model_copy(update={"over_scenarios": Quantile(quantile=quantile)})
+    shares = {"limits_over_scenarios": breaking, "over_scenarios": slower}
+    rules = {key: Quantile(quantile=share) for key, share in shares.items() if share is not None}
+    objective = problem.objective.model_copy(update=rules)
     return replace(problem, file=problem.file.model_copy(update={"objective": objective}))

@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
-from gaitopt.campaign.robots import evaluator_on, judged_by, own_scenarios, safer
+from gaitopt.campaign.robots import evaluator_on, judged_by_shares, own_scenarios
 from gaitopt.campaign.settings import CampaignSettings
 from gaitopt.core.progress import OnProgress, Progress
 from gaitopt.core.streams import Stream, generator
@@ -61,7 +61,7 @@ class Search:
             on_progress: called as each batch ends.
         """
         shares = self.settings.search
-        robust = safer(judged_by(self.problem, self.quantile), self.settings.most_breaking)
+        robust = judged_by_shares(self.problem, self.settings.most_breaking, self.quantile)
         scenarios = own_scenarios(self.problem, self.robots, self.seed, shares.robots, errors=False)
         stage = _stage(on_progress, "searching a gait for all robots")
         budget = round(shares.robust * self.budget)
