@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -38,9 +38,6 @@ from gaitopt.simulation.rollout import Simulator
 
 Robot = Callable[[Gait], Trial]
 """A robot behind a function: it walks with a gait, and is filmed."""
-
-_FINISHED = "finished"
-"""The last file of a step; a step without it goes on."""
 
 _FALLBACK = "csv"
 """Format of the player where the servos have no pins yet."""
@@ -227,19 +224,14 @@ class Campaign:
     def go_on(self) -> Step:
         """Finish what a killed command left, and return the last step."""
         last = self._folder.tellings
-        step = self._folder.step(last)
-        if step is not None and self._is_finished(last):
-            return step
-        with self._stoppable(), held(self.path), opened(self._executor, self._workers) as pool:
-            for number in range(last + 1):
-                if not self._is_finished(number):
-                    self._finish(number, pool)
+        if not self._folder.is_finished(last):
+            with self._stoppable(), held(self.path), opened(self._executor, self._workers) as pool:
+                for number in range(last + 1):
+                    if not self._folder.is_finished(number):
+                        self._finish(number, pool)
         step = self._folder.step(last)
         assert step is not None
         return step
-
-    def _is_finished(self, number: int) -> bool:
-        return (self.path / "steps" / f"{number:02d}" / _FINISHED).is_file()
 
     def _finish(self, number: int, pool: Executor) -> None:
         """Do what is left of a step."""
@@ -251,12 +243,12 @@ class Campaign:
         self._propose(step, pool)
         write_into(self.path, "best.toml", step.candidates[step.best].gait.to_toml())
         self._write_page(number)
-        write_into(self.path, f"steps/{number:02d}/{_FINISHED}", "")
+        self._folder.finish(number)
 
     def _propose(self, step: Step, pool: Executor) -> None:
         """Write the film that a step chose, if it was not proposed before: gait, player, proposal."""
         chosen, folder = step.candidates[step.next], self._folder
-        if self._film_of(chosen.gait) is not None:
+        if self._proposed(chosen.gait) is not None:
             return
         film = max((one.film for one in folder.proposals), default=0) + 1
         self._on_progress(Progress(f"writing film {film}"))
@@ -283,21 +275,24 @@ class Campaign:
             return str(where.relative_to(self.path))
         return None
 
-    def _film_of(self, gait: Gait) -> int | None:
+    def _film_of(self, gait: Gait, films: Mapping[int, Gait]) -> int | None:
+        """Return the number of the film of a gait among the gaits of films."""
         space = self.problem.space
-        found = (film for film, own in self._folder.gaits.items() if same_gait(space, own, gait))
-        return next(found, None)
+        return next((film for film, own in films.items() if same_gait(space, own, gait)), None)
+
+    def _proposed(self, gait: Gait) -> Proposal | None:
+        """Return the film of a gait as it was proposed; None where it was not."""
+        film = self._film_of(gait, self._folder.gaits)
+        return None if film is None else self._folder.proposal(film)
 
     def _proposal_of(self, step: Step) -> Proposal:
-        film = self._film_of(step.candidates[step.next].gait)
-        proposal = None if film is None else self._folder.proposal(film)
+        proposal = self._proposed(step.candidates[step.next].gait)
         if proposal is None:
             raise GaitoptError(f"{self.path}: films: the film of the last step is missing: removed since?")
         return proposal
 
     def _best_file(self, step: Step) -> str:
-        film = self._film_of(step.candidates[step.best].gait)
-        proposal = None if film is None else self._folder.proposal(film)
+        proposal = self._proposed(step.candidates[step.best].gait)
         return "best.toml" if proposal is None else proposal.gait
 
     def _write_page(self, number: int | None = None) -> None:
@@ -331,9 +326,9 @@ class Campaign:
         Raises:
             GaitoptError: one is of no film that was proposed, or was told as another film.
         """
-        told, fresh = self._folder.digests, []
+        told, films, fresh = self._folder.digests, self._folder.gaits, []
         for trial in trials:
-            film = self._film_of(trial.drive) if isinstance(trial.drive, Gait) else None
+            film = self._film_of(trial.drive, films) if isinstance(trial.drive, Gait) else None
             if film is None:
                 allowed = ", ".join(one.gait for one in self._folder.proposals)
                 raise GaitoptError(
@@ -346,7 +341,7 @@ class Campaign:
                 )
             filmed_speed(trial, self.problem.roles)
             if before is None:
-                fresh.append((film, replace(trial, drive=self._folder.gaits[film])))
+                fresh.append((film, replace(trial, drive=films[film])))
         return fresh
 
     def _check(self, fresh: Sequence[tuple[int, Trial]], pool: Executor) -> None:

@@ -62,6 +62,7 @@ class StepWork:
     def done(self) -> Step:
         """Return the result of the step."""
         problem = carrying(self.folder.problem)
+        self._place.mkdir(parents=True, exist_ok=True)
         return self._first(problem) if self.number == 0 else self._later(problem)
 
     @staticmethod
@@ -72,7 +73,7 @@ class StepWork:
 
     def _first(self, problem: Problem) -> Step:
         """Search on the nominal robot, and try what it finds on robots as they are plausible."""
-        run = self.folder.step_folder(0) / _NOMINAL
+        run = self._place / _NOMINAL
         request = self.folder.request
         if (run / RUN_FILE).is_file():
             optimise(resume=run, executor=self.executor, on_progress=self.on_progress)
@@ -88,9 +89,7 @@ class StepWork:
             )
         winner = replace(problem.find_gait(str(run / BEST_FILE)), name=_NOMINAL)
         gaits = _distinct({_NOMINAL: winner, **problem.baselines})
-        settings = self.settings
-        robots = prior_robots(problem, settings.robots, settings.prior_effects, request.seed)
-        return self._chosen(problem, gaits, robots, errors=True)
+        return self._chosen(problem, gaits, self._prior(problem), errors=True)
 
     def _later(self, problem: Problem) -> Step:
         """Learn from all films, and search again over the posterior."""
@@ -104,7 +103,7 @@ class StepWork:
         search = Search(
             problem,
             robots,
-            self.folder.step_folder(self.number),
+            self._place,
             self.folder.request.budget,
             self.folder.request.quantile,
             self._seed,
@@ -117,6 +116,15 @@ class StepWork:
     @property
     def _seed(self) -> int:
         return 1000 * self.folder.request.seed + self.number
+
+    @property
+    def _place(self) -> Path:
+        return self.folder.step_folder(self.number)
+
+    def _prior(self, problem: Problem) -> Sequence[EffectValues]:
+        """Return robots as they are plausible before any film."""
+        settings, seed = self.settings, self.folder.request.seed
+        return prior_robots(problem, settings.robots, settings.prior_effects, seed)
 
     def _chosen(
         self,
@@ -159,7 +167,7 @@ class StepWork:
         self, problem: Problem, films: Sequence[tuple[int, Trial]]
     ) -> tuple[Sequence[EffectValues], Mapping[str, object]]:
         """Diagnose all films together; return robots of the posterior, and what the diagnosis says."""
-        run = self.folder.step_folder(self.number) / _DIAGNOSIS
+        run = self._place / _DIAGNOSIS
         run.mkdir(exist_ok=True)
         try:
             if not is_finished(run):
@@ -172,10 +180,10 @@ class StepWork:
                     answered_into(run, question, self.executor, self.on_progress, corrected=False)
         except GaitoptError as error:  # of the data: what was known before is still known
             robots, told = _last_posterior(self.folder, self.number - 1, problem)
-            settings = self.settings
-            seed = self.folder.request.seed
-            robots = robots or prior_robots(problem, settings.robots, settings.prior_effects, seed)
-            return robots, {**told, "notes": [f"These films could not be diagnosed: {error}"]}
+            return robots or self._prior(problem), {
+                **told,
+                "notes": [f"These films could not be diagnosed: {error}"],
+            }
         finished = read_diagnosis(run)
         assert finished is not None
         return read_robots(run / POSTERIOR_FILE, problem), finished.content
@@ -207,7 +215,7 @@ def _last_posterior(
 ) -> tuple[Sequence[EffectValues], Mapping[str, object]]:
     """Return the robots of the last diagnosis up to a step, and what it says; nothing where there is none."""
     for one in range(number, 0, -1):
-        run = folder.path / "steps" / f"{one:02d}" / _DIAGNOSIS
+        run = folder.step_folder(one) / _DIAGNOSIS
         if is_finished(run) and (finished := read_diagnosis(run)):
             return read_robots(run / POSTERIOR_FILE, problem), finished.content
     return (), {}

@@ -38,6 +38,10 @@ PAGE_FILE = "campaign.html"
 STEP_FILE = "step.json"
 PROPOSAL_FILE = "proposal.json"
 TOLD_FILE = "told.json"
+
+FINISHED_FILE = "finished"
+"""The last file of a step; a step without it goes on."""
+
 RIVALS_FILE = "rivals.json"
 
 
@@ -134,6 +138,10 @@ class CampaignFolder:
 
     # --- tellings ---------------------------------------------------------------------------------
 
+    def telling_folder(self, number: int) -> Path:
+        """Return the folder of a telling, from 1."""
+        return self.path / "told" / f"{number:02d}"
+
     @property
     def tellings(self) -> int:
         """How many times something was told."""
@@ -141,7 +149,7 @@ class CampaignFolder:
 
     def told(self, number: int) -> Told:
         """Return what was told, from 1."""
-        path = self.path / "told" / f"{number:02d}" / TOLD_FILE
+        path = self.telling_folder(number) / TOLD_FILE
         return validated(Told, read_json(path), path)
 
     def trials(self, until: int, known: Sequence[str]) -> list[tuple[int, Trial]]:
@@ -154,7 +162,7 @@ class CampaignFolder:
         found = []
         for number in range(1, until + 1):
             told = self.told(number)
-            dataset = load_dataset(self.path / "told" / f"{number:02d}", self.problem, known)
+            dataset = load_dataset(self.telling_folder(number), self.problem, known)
             found += [(told.films[trial.name], trial) for trial in dataset.trials]
         return found
 
@@ -165,8 +173,8 @@ class CampaignFolder:
             recordings: number of the film, and the recording, of each trial.
         """
         number = self.tellings + 1
-        place = self.path / "told" / f"{number:02d}"
-        half = self.path / "told" / f".{number:02d}"
+        place = self.telling_folder(number)
+        half = place.with_name(f".{place.name}")
         shutil.rmtree(half, ignore_errors=True)
         half.mkdir(parents=True)
         counts: dict[int, int] = {}
@@ -194,19 +202,25 @@ class CampaignFolder:
     # --- steps and films --------------------------------------------------------------------------
 
     def step_folder(self, number: int) -> Path:
-        """Return the folder of the step after so many tellings; it is made."""
-        path = self.path / "steps" / f"{number:02d}"
-        path.mkdir(parents=True, exist_ok=True)
-        return path
+        """Return the folder of the step after so many tellings."""
+        return self.path / "steps" / f"{number:02d}"
 
     def step(self, number: int) -> Step | None:
         """Return the result of a step; None where it is not finished."""
-        path = self.path / "steps" / f"{number:02d}" / STEP_FILE
+        path = self.step_folder(number) / STEP_FILE
         return validated(Step, read_json(path), path) if path.is_file() else None
 
     def write_step(self, number: int, step: Step) -> None:
         """Write the result of a step."""
-        write_into(self.path, f"steps/{number:02d}/{STEP_FILE}", to_json(step.to_dict()))
+        write_into(self.step_folder(number), STEP_FILE, to_json(step.to_dict()))
+
+    def is_finished(self, number: int) -> bool:
+        """Return whether all of a step was done: its result, its film, and the page."""
+        return (self.step_folder(number) / FINISHED_FILE).is_file()
+
+    def finish(self, number: int) -> None:
+        """Write that all of a step was done."""
+        write_into(self.step_folder(number), FINISHED_FILE, "")
 
     def film_folder(self, film: int) -> Path:
         """Return the folder of a film."""
