@@ -13,6 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,13 +36,11 @@ class Lateness:
     Attributes:
         sd_s: standard deviation of the delays, s.
         ci90: 90 % interval of that, s.
-        gain: logarithm of how much likelier the repeats' differences are with delays than without.
         explained: share of the differences' squares above the noise that delays explain.
     """
 
     sd_s: float
     ci90: tuple[float, float]
-    gain: float
     explained: float
 
 
@@ -185,7 +184,7 @@ class _Differences:
         """Return the mean square per direction that the likeliest noise is of, given delays."""
         return max(self._noises, key=lambda noise: self._at(variance, noise))
 
-    @property
+    @cached_property
     def _noises(self) -> list[float]:
         total = (float(self.squares.sum()) + self.rest) / (len(self.squares) + self.others)
         noises: list[float] = np.geomspace(1.0, max(1.0, 2.0 * total), 40).tolist()
@@ -248,4 +247,4 @@ def _likeliest(known: Sequence[_Differences], settings: LatenessSettings) -> Lat
     if gain < settings.gain or explained < settings.explained or best == 0:
         return None
     likely = sizes[logs >= logs[best] - settings.interval]
-    return Lateness(float(sizes[best]), (float(likely[0]), float(likely[-1])), gain, explained)
+    return Lateness(float(sizes[best]), (float(likely[0]), float(likely[-1])), explained)

@@ -94,7 +94,7 @@ def _late_commands(judgement: Judgement, floors: Sequence[Floors], context: Cont
         changes = simulate_late_changes(robot, trial_set.trials, context.executor, by_s, settings)
         lateness = measure_lateness(trial_set.trials, floors, changes, settings)
         if lateness is None:
-            return None
+            break
         by_s = max(settings.tried_s, lateness.sd_s)
     if lateness is None:
         return None
