@@ -1,6 +1,11 @@
-"""Intervals of the mean: by Student's t from samples, by the normal distribution from standard errors."""
+"""Intervals of the mean: by Student's t from samples, by the normal distribution from standard errors.
+
+Standard deviations that some odd values do not change.
+"""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +14,9 @@ from scipy import stats
 NORMAL_95 = 1.645
 """95 % point of the standard normal distribution, rounded: plus and minus this many standard errors are
 a 90 % interval."""
+
+_NORMAL_MAD = 1.4826
+"""Standard deviation of a normal distribution over the median of the sizes of its deviations."""
 
 
 def spread90(values: NDArray[np.float64]) -> tuple[float, float]:
@@ -47,3 +55,31 @@ def interval90(values: NDArray[np.float64]) -> tuple[float, float]:
         return mean, mean
     half = half_width90(values)
     return mean - half, mean + half
+
+
+def robust_sd(deviations: NDArray[np.float64]) -> float:
+    """Return the standard deviation of normally distributed deviations from 0, by the median of their sizes.
+
+    Args:
+        deviations: shape (n,); those that are not finite are left out.
+
+    Returns:
+        It, in their unit; NaN where there are none.
+    """
+    sizes = np.abs(deviations[np.isfinite(deviations)])
+    return float(_NORMAL_MAD * np.median(sizes)) if len(sizes) else math.nan
+
+
+def noise_sd(series: NDArray[np.float64], order: int) -> float:
+    """Return the standard deviation of a series' white noise, by the median size of its differences.
+
+    That is insensitive to motion, which is smooth or rare.
+
+    Args:
+        series: evenly sampled, shape (n,); NaN in gaps.
+        order: order of the differences; the higher, the more of a motion it leaves out.
+
+    Returns:
+        It, in the series' unit; NaN where no samples follow one another.
+    """
+    return robust_sd(np.diff(series, order)) / math.sqrt(math.comb(2 * order, order))

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.core.statistics import robust_sd
 from gaitopt.track.film import Picture
 from gaitopt.track.opencv import opencv
 from gaitopt.track.pose import Pose
@@ -173,7 +174,7 @@ def lit(time: Array, levels: Array, what: str) -> Sync:
         if np.isfinite(dark).sum() < _FEWEST:
             continue
         usual = float(np.nanmedian(dark))
-        noise = 1.4826 * float(np.nanmedian(np.abs(dark - usual)))
+        noise = robust_sd(dark - usual)
         if not (after > usual + max(_RISE, _NOISES * noise)).all() or not np.isfinite(levels[index - 1]):
             continue
         if (dark[np.isfinite(dark)] > usual + _RISE).any():
@@ -215,7 +216,7 @@ def first_motion(
     for count in range(_FEWEST, len(here) - _STAYS + 1):
         rest, after = places[here[:count]], places[here[count : count + _STAYS]]
         middle = np.median(rest, axis=0)
-        noise = max(1.4826 * float(np.median(np.abs(rest - middle), axis=0).max()), least)
+        noise = max(*map(robust_sd, (rest - middle).T), least)
         if noise > _REST * least:
             break
         if (np.linalg.norm(after - middle, axis=1) > _NOISES * noise).all():

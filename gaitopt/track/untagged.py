@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.core.quantities import figure
+from gaitopt.core.statistics import noise_sd
 from gaitopt.diagnose.record.defect import Defect
 from gaitopt.diagnose.record.export import VIEWS
 from gaitopt.track.film import facts_of, pictures
@@ -22,6 +23,9 @@ Array = NDArray[np.float64]
 
 _FEWEST = 10
 """Fewest pictures of a film."""
+
+_JERKS = 3
+"""Order of the differences that the noise is measured by: what is left of a motion are the robot's jerks."""
 
 _LEAST_PX = 0.02
 """Error of a point that is never undercut, pixels."""
@@ -171,7 +175,7 @@ def track_point(
     scale = tracker.length.m_per_px
     moved = scale * (path - path[0]) @ tracker.length.axes(tracker.view).T
     signals = dict(zip(VIEWS[tracker.view], moved.T, strict=True))
-    noise = {name: max(noise_of(series), scale * _LEAST_PX) for name, series in signals.items()}
+    noise = {name: max(noise_sd(series, _JERKS), scale * _LEAST_PX) for name, series in signals.items()}
     return PointTrack(film, time, signals, noise, path, scale, sync, defects)
 
 
@@ -180,13 +184,3 @@ def _follower(film: Path, point: Dot | Patch, picture: NDArray[np.uint8]) -> Dot
         return DotFollower(point, picture) if isinstance(point, Dot) else PatchFollower(point, picture)
     except GaitoptError as error:
         raise GaitoptError(f"{film}: {error}") from None
-
-
-def noise_of(series: Array) -> float:
-    """Return the standard deviation of a series' noise, by the median of its third differences.
-
-    So the moments at which a robot jerks do not count, and nor do gaps.
-    """
-    third = np.diff(series, 3)
-    known = third[np.isfinite(third)]
-    return float(1.4826 * np.median(np.abs(known)) / np.sqrt(20.0)) if len(known) else float("nan")

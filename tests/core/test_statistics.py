@@ -1,4 +1,4 @@
-"""Intervals of the mean."""
+"""Intervals of the mean, and standard deviations that odd values do not change."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gaitopt.core.statistics import NORMAL_95, half_width90, interval90
+from gaitopt.core.statistics import NORMAL_95, half_width90, interval90, noise_sd, robust_sd
 
 
 def test_the_interval_is_scipys() -> None:
@@ -37,3 +37,19 @@ def test_the_interval_is_students() -> None:
     half = 2.919986 / math.sqrt(3.0)
     assert (low, high) == pytest.approx((2.0 - half, 2.0 + half), rel=1e-6)
     assert interval90(np.array([2.0])) == (2.0, 2.0)
+
+
+def test_some_odd_values_do_not_change_a_robust_standard_deviation() -> None:
+    values = np.random.default_rng(3).normal(0.0, 2.0, 4000)
+    values[::50], values[1::50] = 1e6, np.nan
+    assert robust_sd(values) == pytest.approx(2.0, rel=0.1)
+    assert math.isnan(robust_sd(np.array([np.nan])))
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_the_noise_of_a_series_is_found_beside_its_motion_and_gaps(order: int) -> None:
+    time = np.arange(4000) / 30.0
+    series = np.sin(time) + np.random.default_rng(4).normal(0.0, 0.01, len(time))
+    series[100:200] = np.nan
+    assert noise_sd(series, order) == pytest.approx(0.01, rel=0.1)
+    assert math.isnan(noise_sd(series[:order], order))

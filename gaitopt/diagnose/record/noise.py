@@ -6,20 +6,19 @@ import math
 
 import numpy as np
 
+from gaitopt.core.statistics import noise_sd
 from gaitopt.diagnose.record.trial import Series, Trial
 
 
 def noise_of(series: Series) -> float:
     """Return the standard deviation of a series' noise, estimated from its second differences.
 
-    Their median size is insensitive to motion, which is smooth or rare. A series that is rounded to a quantum
-    has at least the noise of rounding, quantum / sqrt(12).
+    A series that is rounded to a quantum has at least the noise of rounding, quantum / sqrt(12).
 
     Args:
         series: evenly sampled, finite, shape (n,).
     """
-    second = np.abs(np.diff(series, 2))
-    spread = 1.4826 * float(np.median(second)) / math.sqrt(6.0) if len(second) else 0.0
+    spread = noise_sd(series, 2) if len(series) > 2 else 0.0
     return max(spread, quantum_of(series) / math.sqrt(12.0))
 
 
