@@ -50,6 +50,17 @@ def print_summary(summary: Summary) -> None:
     print_table(["gait", "period [s]", "speed [mm/s]", "90 % interval", "constraints"], rows)
 
 
+def print_margins(summary: Summary) -> None:
+    """Print how far the best gait stays from each limit, and what its owner must know."""
+    from gaitopt.report.tables import MARGIN_HEAD, margin_rows
+    from gaitopt.report.words import warning_lines
+
+    if summary.best.margins:
+        print_table([*MARGIN_HEAD], margin_rows(summary.best))
+    for line in warning_lines(summary):
+        say(line)
+
+
 def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print rows as a table: a column each where they fit, else a line per key."""
     keys = [key for key in rows[0] if not key.startswith("scenario_")]

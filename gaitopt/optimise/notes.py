@@ -7,8 +7,11 @@ from collections.abc import Mapping, Sequence
 
 from gaitopt.optimise.evaluator import DROPPED
 from gaitopt.optimise.journal import Entry
+from gaitopt.optimise.margins import Margin, at_bounds, closest
 from gaitopt.optimise.verification import Convergence, Verified
 from gaitopt.problem.problem import Problem
+from gaitopt.simulation.audit.finding import Finding
+from gaitopt.simulation.labels import title_of, with_unit
 
 
 def drift_notes(
@@ -49,6 +52,42 @@ def convergence_notes(found: Convergence, best: Verified, problem: Problem) -> t
         f"the winner's speed depends on the timestep: {1e3 * found.working.speed:.1f} mm/s at the search's "
         f"{coarse:g} s, {1e3 * best.speed:.1f} mm/s at {fine:g} s; take a shorter working timestep",
     )
+
+
+_STRAIGHT = 0.1
+"""A robot that goes sideways by more than this share of its way forward visibly veers."""
+
+
+def warnings_of(
+    problem: Problem, best: Verified, found: Sequence[Margin], findings: Sequence[Finding]
+) -> tuple[str, ...]:
+    """Return what the owner of a robot must know of a winner before it is played, one sentence each.
+
+    Args:
+        problem: the problem.
+        best: the winner, verified.
+        found: its margins.
+        findings: what the audit found of it.
+    """
+    near = [
+        f"it keeps the limit on {title_of(one.constraint)} by {one.margin:.1%} only: "
+        f"{with_unit(one.constraint, one.value)}, allowed: {one.allowed}"
+        for one in closest(found)
+    ]
+    broken = [
+        f"it breaks the limit on {title_of(one.constraint)} in {len(one.broken_in)} of {one.scenarios} "
+        "scenarios"
+        for one in found
+        if one.broken_in
+    ]
+    bounds = [
+        f"its {name} is at the {end} bound of the search: if the servos can do more, set a wider bound"
+        for name, end in at_bounds(problem.space, best.gait)
+    ]
+    aside = best.evaluation.metrics["sideways_ratio"]
+    veers = [f"it goes {aside:.2g} mm sideways for each mm forward"] if aside > _STRAIGHT else []
+    checked = [f"`gaitopt check` finds that {one.message}" for one in findings]
+    return (*near, *broken, *bounds, *veers, *checked)
 
 
 def failure_notes(entries: Sequence[Entry], baselines: Sequence[Verified] = ()) -> tuple[str, ...]:

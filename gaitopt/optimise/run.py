@@ -15,7 +15,14 @@ from gaitopt.optimise import settings as defaults
 from gaitopt.optimise.evaluator import Evaluator, simulated_s
 from gaitopt.optimise.journal import Entry, Journal
 from gaitopt.optimise.ladder import Rung
-from gaitopt.optimise.notes import convergence_notes, drift_notes, failure_notes, posterior_notes
+from gaitopt.optimise.margins import Margin, margins
+from gaitopt.optimise.notes import (
+    convergence_notes,
+    drift_notes,
+    failure_notes,
+    posterior_notes,
+    warnings_of,
+)
 from gaitopt.optimise.pareto import FrontGait, front_of, thinned, verified_front
 from gaitopt.optimise.recorder import OnSearchProgress
 from gaitopt.optimise.selection import finalists, select
@@ -26,6 +33,8 @@ from gaitopt.optimise.verification import Convergence, Verified, convergence, sc
 from gaitopt.optimise.warm_start import Planned, WarmStart, best_elite, correlation, planned
 from gaitopt.plan.plan import Elite, Plan
 from gaitopt.problem.problem import Problem
+from gaitopt.simulation.audit.finding import Finding
+from gaitopt.simulation.check import check_gait
 from gaitopt.simulation.objective import check_searchable
 from gaitopt.simulation.setup import RobotSetup
 
@@ -82,12 +91,15 @@ class Optimised:
         found_by: the method, or the baseline, that the winner comes from.
         best: the winner, verified.
         baselines: the hand-tuned gaits, verified.
-        simulated_s: simulated seconds in all.
+        simulated_s: simulated seconds of search and verification.
         wall_s: seconds it took.
         front: gaits of speed against cost of transport, if requested.
         rungs: cheaper rungs of the fidelity ladder that were measured; none if the budget is too small for
             that.
         convergence: the winner at the working fidelity, too.
+        margins: what the winner leaves of each limit of the objective.
+        findings: what the audit finds of the winner.
+        warnings: what the owner of a robot must know of the winner before it is played.
     """
 
     request: Request
@@ -104,6 +116,9 @@ class Optimised:
     front: Sequence[FrontGait] = ()
     rungs: Sequence[Rung] = ()
     convergence: Convergence | None = None
+    margins: Sequence[Margin] = ()
+    findings: Sequence[Finding] = ()
+    warnings: tuple[str, ...] = ()
 
 
 def optimise(
@@ -143,6 +158,8 @@ def optimise(
         problem, winner.gait, best_elite(study.entries, warm.elites), request.seed, executor
     )
     coarse = convergence(problem, final.best, request.seed, executor)
+    left = margins(problem, final.best)
+    findings = check_gait(problem, final.best.gait, executor)
     front = _front(problem, study, request, executor, settings) if request.pareto else []
     ranks = correlation(evaluator, warm.planner, request.seed, settings.correlation_gaits)
     return Optimised(
@@ -167,6 +184,9 @@ def optimise(
         front=front,
         rungs=study.rungs,
         convergence=coarse,
+        findings=findings,
+        margins=left,
+        warnings=warnings_of(problem, final.best, left, findings),
     )
 
 

@@ -16,7 +16,7 @@ from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
 from gaitopt.simulation.audit.settings import DEFAULT, CheckSettings
-from gaitopt.simulation.metrics import SPEED
+from gaitopt.simulation.metrics import SPEED, Metrics
 from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.scenario import Scenario, draw_scenarios
 from gaitopt.simulation.setup import RobotSetup
@@ -34,12 +34,14 @@ class Verified:
         evaluation: mean metrics, constraints and cost.
         speeds: forward speed in each scenario, m/s, shape (n,).
         simulated_s: simulated seconds spent.
+        rows: metrics in each scenario.
     """
 
     gait: Gait
     evaluation: Evaluation
     speeds: np.ndarray
     simulated_s: float
+    rows: tuple[Metrics, ...] = ()
 
     @property
     def speed(self) -> float:
@@ -178,5 +180,6 @@ def verify(
     verified = []
     for gait, one in zip(gaits, evaluator(gaits), strict=True):
         speeds = np.array([outcome.metrics[SPEED.name] for outcome in one.outcomes])
-        verified.append(Verified(gait, one.evaluation, speeds, one.simulated_s))
+        rows = tuple(outcome.metrics for outcome in one.outcomes)
+        verified.append(Verified(gait, one.evaluation, speeds, one.simulated_s, rows))
     return verified

@@ -24,7 +24,7 @@ from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
 from gaitopt.report.motion import player_part, shown_takes, way_picture, ways_of, working_text
 from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.rollouts import rollouts
-from gaitopt.report.tables import gait_table, metric_table
+from gaitopt.report.tables import gait_table, margin_table, metric_table
 from gaitopt.report.words import (
     answer_of,
     constraints_text,
@@ -34,6 +34,7 @@ from gaitopt.report.words import (
     reach_of,
     robot_text,
     scenario_rule,
+    warning_lines,
 )
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.runs.folder import PAGE_FILE
@@ -78,10 +79,21 @@ def write_report(
         answer=answer_of(summary),
         asked=_asked(problem, summary),
         tiles=_tiles(summary),
-        notes=[*filter(None, [reach_of(summary)]), *summary.notes, *player.notes, *film.notes],
+        notes=[
+            *warning_lines(summary),
+            *filter(None, [reach_of(summary)]),
+            *summary.notes,
+            *player.notes,
+            *film.notes,
+        ],
         sections=[
             *player.sections,
             *film.sections,
+            *(
+                [Section("Limits and margins", table=margin_table(summary.best))]
+                if summary.best.margins
+                else []
+            ),
             Section("Optimised against hand-tuned", table=_speed_table(summary)),
             *save_figures(folder.path, pictures),
             Section("The optimised gait", table=gait_table(optimised.best.gait, "best.toml")),

@@ -8,8 +8,8 @@ from gaitopt.core.quantities import figure
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.compare import ComparedGait
 from gaitopt.report.page import Table
-from gaitopt.runs.summary import GaitRow
-from gaitopt.simulation.labels import label_of, shown
+from gaitopt.runs.summary import BestRow, GaitRow, MarginRow
+from gaitopt.simulation.labels import label_of, shown, title_of, with_unit
 
 
 def metric_table(rows: Sequence[GaitRow | ComparedGait]) -> Table:
@@ -21,6 +21,43 @@ def metric_table(rows: Sequence[GaitRow | ComparedGait]) -> Table:
         ],
         note="Means over the same scenarios; for drifts, the mean size. ∞: a square wave commands a step.",
     )
+
+
+MARGIN_HEAD = ("limit on", "allowed", "value", "worst", "margin [%]", "broken in")
+"""Head of the table of margins, on the page and in the terminal."""
+
+
+def margin_rows(best: BestRow) -> list[list[str]]:
+    """Return every limit of the objective with what the winner leaves of it, the closest first."""
+    return [
+        [
+            title_of(row.constraint),
+            row.allowed,
+            with_unit(row.constraint, row.value),
+            with_unit(row.constraint, row.worst),
+            figure(100.0 * row.margin),
+            _scenarios_text(row),
+        ]
+        for row in sorted(best.margins, key=lambda row: row.margin)
+    ]
+
+
+def margin_table(best: BestRow) -> Table:
+    """Return the table of margins of a page."""
+    return Table(
+        head=MARGIN_HEAD,
+        rows=margin_rows(best),
+        note="Value: the mean over the scenarios, or as the problem judges its limits. Worst: the scenario "
+        "closest to the limit. Margin: what the value leaves of the limit, as a share of it. Broken in: "
+        "how many scenarios break the limit, and which.",
+        words=(5,),
+    )
+
+
+def _scenarios_text(row: MarginRow) -> str:
+    """Return how many scenarios break a limit, and which."""
+    which = f" ({', '.join(map(str, row.broken_in))})" if row.broken_in else ""
+    return f"{len(row.broken_in)} of {row.scenarios}{which}"
 
 
 def gait_table(gait: Gait, file: str) -> Table:

@@ -29,6 +29,11 @@ def answer_of(summary: Summary) -> str:
     return f"{text}, and {met}."
 
 
+def warning_lines(summary: Summary) -> list[str]:
+    """Return what the owner of a robot must know of the winner, a sentence each."""
+    return [f"Warning, of the best gait: {text}." for text in summary.best.warnings]
+
+
 _NEARLY = 1.05
 """Up to this ratio, a gait does not lie beyond what was measured."""
 

@@ -61,14 +61,52 @@ class GaitRow(_Row):
         return GaitRow(**_gait_figures(verified))
 
 
+class MarginRow(_Row):
+    """One limit of the objective and what the winner leaves of it; its fields are those of `Margin`."""
+
+    constraint: str
+    side: str
+    limit: float
+    value: Figure
+    worst: Figure
+    margin: Figure
+    broken_in: tuple[int, ...]
+    scenarios: int
+    allowed: str
+
+
+class FindingRow(_Row):
+    """What the audit finds of the winner.
+
+    Attributes:
+        name: kind of the finding.
+        servo: the servo that shows it; empty where it is the whole robot.
+        value: the figure found.
+        limit: the figure allowed.
+        message: what was found, in words.
+    """
+
+    name: str
+    servo: str
+    value: Figure
+    limit: Figure
+    message: str
+
+
 class BestRow(GaitRow):
     """The winner.
 
     Attributes:
         found_by: the method, or the baseline, that the winner comes from.
+        margins: every limit of the objective and what the winner leaves of it.
+        findings: what the audit finds of the winner on the nominal robot.
+        warnings: what the owner of a robot must know before it is played.
     """
 
     found_by: str = ""
+    margins: tuple[MarginRow, ...] = ()
+    findings: tuple[FindingRow, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 class WarmStartRow(_Row):
@@ -265,7 +303,13 @@ class Summary(_Row):
             fidelity_ladder=tuple(optimised.rungs),
             pareto=tuple(FrontRow.of(found) for found in optimised.front) if request.pareto else None,
             notes=optimised.notes,
-            best=BestRow(**_gait_figures(best), found_by=optimised.found_by),
+            best=BestRow(
+                **_gait_figures(best),
+                found_by=optimised.found_by,
+                margins=tuple(MarginRow(**_fields(MarginRow, one)) for one in optimised.margins),
+                findings=tuple(FindingRow(**_fields(FindingRow, one)) for one in optimised.findings),
+                warnings=optimised.warnings,
+            ),
             **({} if measured is None else {"measured": measured}),
             verified=VerifiedRow(
                 timestep_s=reference.timestep_s,
@@ -296,6 +340,11 @@ class Summary(_Row):
         """The fastest baseline, or None without any; one whose simulation failed has no speed."""
         able = [row for row in self.baselines if math.isfinite(row.speed_m_s)]
         return max(able or self.baselines, key=lambda row: row.speed_m_s, default=None)
+
+
+def _fields(kind: type[_Row], record: object) -> dict[str, Any]:
+    """Return what a record holds of the fields of a row."""
+    return {name: getattr(record, name) for name in kind.model_fields}
 
 
 def _gait_figures(verified: Verified) -> dict[str, Any]:

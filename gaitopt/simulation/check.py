@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Executor
 
 from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.audit import settings as defaults
 from gaitopt.simulation.audit.conduct import check_conduct
@@ -43,9 +44,20 @@ def check(
     on_progress(Progress("inert parameters"))
     findings += check_parameters(problem, executor, settings)
     on_progress(Progress("gaits"))
-    findings += check_conduct(simulator, executor, settings)
+    findings += check_conduct(simulator, list(problem.baselines.values()), executor, settings)
     on_progress(Progress("timestep"))
     diverged = {finding.gait for finding in findings if finding.name == DIVERGED.name}
     findings += check_timestep(problem, executor, settings, diverged)
     seen_first = [kind.name for kind in SEEN_FIRST]
     return sorted(findings, key=lambda one: one.name not in seen_first)
+
+
+def check_gait(problem: Problem, gait: Gait, executor: Executor) -> list[Finding]:
+    """Return the defects that a gait shows on the nominal robot; the timestep is not among them.
+
+    Args:
+        problem: the problem.
+        gait: the gait.
+        executor: where its rollouts run.
+    """
+    return list(check_conduct(Simulator.build(problem), [gait], executor, defaults.DEFAULT))

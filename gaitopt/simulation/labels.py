@@ -48,6 +48,11 @@ def shown(name: str, value: object) -> str:
     return str(value)
 
 
+def with_unit(name: str, value: float) -> str:
+    """Return a figure's value with its unit: "12.3 mm/s"."""
+    return f"{shown(name, value)} {_unit(name)[0]}".rstrip()
+
+
 def _unit(name: str) -> tuple[str, float]:
     """Return the unit in which a figure is shown, and the factor to it."""
     metric = (METRICS | AIMS).get(name.partition(".")[0])

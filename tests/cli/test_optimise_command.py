@@ -9,7 +9,7 @@ from pages import words_of
 
 from gaitopt.gait.gait import read_gait
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.simulation.labels import shown
+from gaitopt.simulation.labels import shown, title_of, with_unit
 
 
 @pytest.mark.slow
@@ -83,12 +83,21 @@ def test_the_page_says_the_numbers_of_the_summary_and_of_the_terminal(gaitopt: R
     for row in rows:
         for name, value in row["metrics"].items():
             assert value is None or shown(name, value) in said, name
+    assert len(summary["best"]["margins"]) > 0
+    for row in summary["best"]["margins"]:
+        name, which = row["constraint"], ", ".join(map(str, row["broken_in"]))
+        beyond = f"{len(row['broken_in'])} of {row['scenarios']}" + (f" ({which})" if which else "")
+        cells = [row["allowed"], with_unit(name, row["value"]), with_unit(name, row["worst"])]
+        assert " ".join([title_of(name), *cells, f"{100.0 * row['margin']:.3g}", beyond]) in said
     assert f"{summary['ratio_to_best_baseline']:.2f} times" in said
     assert f"{summary['evaluations']} gaits" in said
     code, out, err = gaitopt("optimise", finished, "--resume", finished, "--quiet")
     assert (code, err) == (0, "")
     (answer,) = (line for line in out.splitlines() if line.startswith("The best gait moves at "))
     assert answer in said.replace("\u00a0", " ")
+    for text in summary["best"]["warnings"]:
+        assert text in out
+        assert text.replace("%", " %").replace("  %", " %") in said.replace("\u00a0", " ")
 
 
 def test_the_answer_is_short_and_says_where_the_report_is(gaitopt: Run, tmp_path: Path) -> None:
@@ -98,7 +107,7 @@ def test_the_answer_is_short_and_says_where_the_report_is(gaitopt: Run, tmp_path
     assert f"report: {tmp_path / 'run' / 'report.html'}" in out.replace("\n", "").replace(
         "report:", "\nreport:"
     )
-    assert len(out.splitlines()) < 20
+    assert len(out.splitlines()) < 24
     assert "3/3 gaits" in err
 
 

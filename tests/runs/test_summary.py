@@ -135,5 +135,5 @@ def test_keys_are_those_of_the_file_format(strider: Problem) -> None:
     ]  # fmt: skip
     content = found.to_dict()
     assert list(content["baselines"][0]) == row
-    assert list(content["best"]) == [*row, "found_by"]
+    assert list(content["best"]) == [*row, "found_by", "margins", "findings", "warnings"]
     assert list(content["verified"]) == ["timestep_s", "integrator", "scenarios", "speed_m_s"]

@@ -78,7 +78,7 @@ def run(options: Options) -> None:
 
 def print_run(done: OptimiseRun, as_json: bool) -> None:
     """Print the result of a search."""
-    from gaitopt.cli.display import print_report, print_summary
+    from gaitopt.cli.display import print_margins, print_report, print_summary
     from gaitopt.report.words import answer_of, basis_of, reach_of
 
     if as_json:
@@ -90,6 +90,7 @@ def print_run(done: OptimiseRun, as_json: bool) -> None:
             say(basis)
         if reach := reach_of(done.summary):
             say(reach)
+        print_margins(done.summary)
         if done.summary.robots:
             say(f"Each scenario ran on one of {done.summary.robots} robots of a posterior.")
         print_report(done.folder)

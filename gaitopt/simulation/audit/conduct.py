@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -29,11 +29,12 @@ from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
 
 
-def check_conduct(simulator: Simulator, executor: Executor, settings: CheckSettings) -> Iterator[Finding]:
-    """Play each baseline twice, the second time from a start pose next to the first."""
+def check_conduct(
+    simulator: Simulator, gaits: Sequence[Gait], executor: Executor, settings: CheckSettings
+) -> Iterator[Finding]:
+    """Play each gait twice, the second time from a start pose next to the first."""
     problem, robot = simulator.problem, Robot.of(simulator.models[0])
     nudged = replace(simulator, scenarios=(Scenario(start_pose_rad=settings.nudge_rad, pose_seed=1),))
-    gaits = list(problem.baselines.values())
     pairs = zip(executor.map(simulator.run, gaits), executor.map(nudged.run, gaits), strict=True)
     for gait, (trajectory, other) in zip(gaits, pairs, strict=True):
         if trajectory.status != "ok":
