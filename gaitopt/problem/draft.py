@@ -17,9 +17,10 @@ from gaitopt.core.files import read_bytes, write_bytes, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.gait.calibration import SAFE_PINS
 from gaitopt.problem.drafting.checks import check_actuators, check_angles, remarks_on
-from gaitopt.problem.drafting.family import FAMILIES, LIMITS, guess_family
+from gaitopt.problem.drafting.family import FAMILIES, guess_family
 from gaitopt.problem.drafting.faults import Faults
 from gaitopt.problem.drafting.gaits import FirstGait, Travel, first_gaits
+from gaitopt.problem.drafting.limits import DraftedLimit, draft_limits
 from gaitopt.problem.drafting.motors import make_servos
 from gaitopt.problem.drafting.names import name_parts
 from gaitopt.problem.drafting.standing import size_of, stance_key, stand
@@ -60,7 +61,7 @@ class Draft:
         parameters: named numbers of the model.
         gaits: first gaits, the most promising first.
         ties: which servos may move alike; None where that cannot be told.
-        constraints: limits by metric, as TOML text.
+        limits: what must hold in a search.
         penalty: cost of a serious violation of one, m/s.
         stance: where the start targets come from.
         changes: how the copy of the MJCF differs from the original.
@@ -75,7 +76,7 @@ class Draft:
     parameters: Mapping[str, GuessedParameter]
     gaits: Sequence[FirstGait]
     ties: DraftedTies | None
-    constraints: Mapping[str, str]
+    limits: Sequence[DraftedLimit]
     penalty: float
     stance: str
     changes: Sequence[str]
@@ -166,7 +167,7 @@ def _draft(
         parameters=guess_parameters(model, root, roles.pad_ids),
         gaits=first_gaits(kind, model, standing, roles.pad_ids, axes, travels),
         ties=draft_ties(kind, model, standing, roles.pad_ids, axes, travels),
-        constraints=LIMITS[kind],
+        limits=draft_limits(kind, model, standing),
         penalty=max(0.05, round(_PENALTY * size_of(model, standing.drawn), 2)),
         stance=standing.origin,
         changes=changes,

@@ -255,3 +255,35 @@ def test_servos_and_feet_that_differ_have_their_own_numbers(tmp_path: Path) -> N
     assert problem.file.parameters["k_servo"].value == 4.0
     weaker = Robot.of(Simulator.build(problem.with_parameters({"torque_limit_knee_a": 0.1})).models[0])
     assert weaker.torque_limit.tolist() == pytest.approx([0.5] + [0.1] * 7)
+
+
+def test_servos_are_asked_for_no_more_than_they_can(tmp_path: Path) -> None:
+    slow = DOG.replace('damping="0.02"', 'damping="0.15"')  # 2 rad/s without load
+    _, problem = drafted(tmp_path, mjcf(FLOOR + slow, SERVOS))
+    assert problem.objective.constraints["command_speed_ratio"].max == 1.0
+    no_load = Robot.of(Simulator.build(problem).models[0]).no_load_speed
+    assert no_load == pytest.approx(2.0)
+    peaks = [gait.peak_command_speed().max() / 2.0 for gait in problem.baselines.values()]
+    assert max(peaks) == pytest.approx(1.0, abs=2e-3)
+    assert max(peaks) <= 1.0
+
+
+def test_feet_sink_no_deeper_than_a_share_of_the_robot_or_a_multiple_of_the_depth_at_rest(
+    tmp_path: Path,
+) -> None:
+    _, problem = drafted(tmp_path, mjcf(FLOOR + DOG, SERVOS))
+    assert 2e-3 < problem.objective.constraints["penetration_m"].max < 4e-3  # 0.2 m long
+    soft = FLOOR.replace("/>", ' solref="0.1 1"/>')
+    (tmp_path / "soft").mkdir()
+    _, other = drafted(tmp_path / "soft", mjcf(soft + DOG, SERVOS))
+    assert other.objective.constraints["penetration_m"].max > 6e-3
+
+
+def test_a_limit_that_cannot_hold_yet_is_a_comment(tmp_path: Path) -> None:
+    draft, problem = drafted(tmp_path, mjcf(FLOOR + DOG, SERVOS.replace('forcerange="-0.3 0.3"', "")))
+    text = problem.source.read_text()
+    assert "command_speed_ratio" not in problem.objective.constraints
+    assert "# command_speed_ratio = { max = 1.0, scale = 0.3 }  # for servos with a torque limit" in text
+    assert any("have no torque limit" in remark for remark in draft.remarks)
+    assert problem.file.servo.frame_s == 0.02
+    assert "[servo]\nframe_s = 0.02" in text

@@ -1,8 +1,8 @@
-"""Families of robots: what a robot of each kind walks like at first, and what it is held to."""
+"""Families of robots: which one a robot is of, by its limbs, its feet and what it lies on."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -157,24 +157,3 @@ def guess_family(model: mujoco.MjModel, standing: Standing, pads: Sequence[int])
     if lies and not fallen:
         return "crawler", "its trunk lies on the ground"
     return "other", f"it stands on {len(pads)} pads of {len(limbs)} limbs"
-
-
-_ON_LEGS = {
-    "tilt_rad": "max = 0.6, scale = 0.2",
-    "sideways_ratio": "max = 0.35, scale = 0.35",
-    "yaw_rate_rad_s": "max = 0.2, scale = 0.2",
-}
-
-LIMITS: Mapping[str, Mapping[str, str]] = {
-    "crawler": {
-        "airtime": "max = 0.1, scale = 0.05",
-        "tilt_rad": "max = 0.8, scale = 0.2",
-        "sideways_ratio": "max = 0.35, scale = 0.35",
-    },
-    "quadruped": _ON_LEGS,
-    "hexapod": _ON_LEGS,
-    "snake": {"airtime": "max = 0.1, scale = 0.05", "sideways_ratio": "max = 0.5, scale = 0.35"},
-    "swimmer": {"sideways_ratio": "max = 0.5, scale = 0.35"},
-    "other": {"tilt_rad": "max = 0.8, scale = 0.2", "sideways_ratio": "max = 0.35, scale = 0.35"},
-}
-"""Limits by family: a trot flies for moments, a swimmer always, and the head of a snake swings and turns."""

@@ -11,9 +11,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.gait.gait import EDGE_TOLERANCE, Channel
+from gaitopt.gait.gait import EDGE_TOLERANCE, Channel, Gait
 from gaitopt.problem.drafting.family import Limb, limbs_of
 from gaitopt.problem.drafting.standing import Standing
+from gaitopt.problem.robot import Robot
 from gaitopt.robot.tree import driven_joints, trunk
 
 Array = NDArray[np.float64]
@@ -34,6 +35,9 @@ _TRIAL_S = 4.0
 _TIPPED_RAD = 0.8
 """Time for which a first gait is tried, s, and the tilt at which a robot that walks is about to fall, rad; at
 rest it may be more, see `standing.FALLEN_RAD`."""
+
+_LONGEST_S = 4.0
+"""Longest period of a first gait, s: that of the drafted search."""
 
 _MOVES_M = 1e-3
 """A servo that moves the foot by less than this for 1 rad does not move it, m."""
@@ -131,12 +135,12 @@ def first_gaits(
     gaits = []
     for order in _orders(family, legs):
         for reach, slower in _TRIALS:
-            seconds = round(min(4.0, slower * order.periods * period), 3)
             waves = _stepping(legs, order, travels, reach)
+            seconds = max(round(min(_LONGEST_S, slower * order.periods * period), 3), _followed(model, waves))
             if _stays_up(model, standing, waves, seconds):
                 break
         gaits.append(FirstGait(order.name, order.meaning, seconds, waves))
-    return gaits or [_in_turn(travels)]
+    return gaits or [_in_turn(model, travels)]
 
 
 @dataclass(frozen=True)
@@ -292,7 +296,7 @@ def _undulation(
         travel.name: _swung(travel, travel.sign * _WAVE_DEG, -_WAVES * order.index(servo) / (model.nu + 1))
         for servo, travel in enumerate(travels)
     }
-    period = max(1.0, round(min(4.0, _slowest(model, _WAVE_DEG)), 3))
+    period = max(1.0, round(min(_LONGEST_S, _slowest(model, _WAVE_DEG)), 3), _followed(model, waves))
     return FirstGait("undulation", "a wave from front to rear", period, waves)
 
 
@@ -306,7 +310,7 @@ def from_front(model: mujoco.MjModel, standing: Standing, axes: Array) -> list[i
     return sorted(range(model.nu), key=ahead, reverse=True)
 
 
-def _in_turn(travels: Sequence[Travel]) -> FirstGait:
+def _in_turn(model: mujoco.MjModel, travels: Sequence[Travel]) -> FirstGait:
     """Return every servo through half its range, one after another."""
     count, waves = len(travels), {}
     for index, travel in enumerate(travels):
@@ -314,7 +318,15 @@ def _in_turn(travels: Sequence[Travel]) -> FirstGait:
         low = travel.low if reach > 0.0 else travel.high
         phase = 0.25 * index if count == 2 else round(index / count, 4)
         waves[travel.name] = Wave(0.5, phase, round(0.5 * reach, 3), round(low + 0.25 * reach, 3), 0.5)
-    return FirstGait("first-guess", "every servo through half its range, one after another", 1.0, waves)
+    period = max(1.0, _followed(model, waves))
+    return FirstGait("first-guess", "every servo through half its range, one after another", period, waves)
+
+
+def _followed(model: mujoco.MjModel, waves: Mapping[str, Wave]) -> float:
+    """Return the period at which each servo keeps to its speed without load, s, or the longest one."""
+    gait = Gait(1.0, {name: Channel(**asdict(wave)) for name, wave in waves.items()})
+    shares = gait.peak_command_speed() / Robot.of(model).no_load_speed
+    return min(_LONGEST_S, math.ceil(1e3 * float(shares.max(initial=0.0))) / 1e3)
 
 
 def _period(model: mujoco.MjModel, standing: Standing, axes: Array) -> float:
