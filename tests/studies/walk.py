@@ -1,4 +1,4 @@
-"""Every command of the README and the tutorial, in order, at full budget.
+"""Every command of the README, the page of commands and the tutorials, in order, at full budget.
 
     python tests/studies/walk.py [--budget N] [--out DIR]
 
@@ -45,7 +45,7 @@ def walk(commands: list[str], folder: Path, budget: int | None) -> list[tuple[st
 
 
 def main() -> None:
-    """Run the commands of both pages."""
+    """Run the commands of all pages."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--budget", type=int, metavar="N", help="gaits of each search (default: as written)")
     parser.add_argument(
@@ -55,14 +55,12 @@ def main() -> None:
     out = options.out.resolve()
     out.mkdir(parents=True)  # refuses a folder that was used
     film_of_a_robot(out / "walk.txt")
-    tutorial = out / "tutorial"
-    tutorial.mkdir()
     took = walk(["cp ../walk.txt .", *readme()], out / "readme", options.budget)
-    with_files = list(commands_in((ROOT / "docs" / "tutorial.md").read_text(), tutorial))
-    took += walk(with_files, tutorial, options.budget)
-    own = out / "your-robot"
-    own.mkdir()
-    took += walk(list(commands_in((ROOT / "docs" / "your-robot.md").read_text(), own)), own, options.budget)
+    for page in ("tutorial", "your-robot", "film-and-diagnose", "one-servo"):
+        folder = out / page
+        folder.mkdir()
+        commands = list(commands_in((ROOT / "docs" / f"{page}.md").read_text(), folder))
+        took += walk(commands, folder, options.budget)
     with (out / "walk.csv").open("w", newline="") as file:
         csv.writer(file).writerows([("command", "seconds"), *((c, f"{s:.1f}") for c, s in took)])
 

@@ -1,4 +1,4 @@
-"""README, tutorial, API page and help: every command and example in them, run as written.
+"""README, tutorials, notebook, API page and help: every command and example in them, run as written.
 
 Budgets are lowered to ``GAITOPT_DOCS_BUDGET`` (3 unless set), and ArcFold is a copy with a short horizon
 and few scenarios. Set-up and the test command itself are left out. At full budget it is
@@ -6,6 +6,7 @@ and few scenarios. Set-up and the test command itself are left out. At full budg
 """
 
 import contextlib
+import json
 import os
 import re
 import shlex
@@ -15,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import matplotlib
+import matplotlib.pyplot
 import pytest
 from bench_runs import bench_run
 from campaigns import brief
@@ -99,8 +100,9 @@ def commands_in(text: str, folder: Path = Path()) -> Iterator[str]:
 
 
 def readme() -> list[str]:
-    """The README's commands in order, each once, and those of its example where the table has them."""
-    return list(dict.fromkeys(commands_in((ROOT / "README.md").read_text())))
+    """The commands of the quick start, the README and the table of all commands, each once."""
+    pages = ("docs/quick-start.md", "README.md", "docs/commands.md")
+    return list(dict.fromkeys(command for page in pages for command in commands_in((ROOT / page).read_text())))
 
 
 def film_of_a_robot(path: Path) -> None:
@@ -140,14 +142,30 @@ def test_the_readmes_commands(quick: Problem) -> None:
 @needs_opengl
 @pytest.mark.usefixtures("workplace")
 def test_the_tutorials_commands() -> None:
-    found = list(commands_in((ROOT / "docs" / "tutorial.md").read_text()))
-    assert [c.split()[1] for c in found if c.startswith("gaitopt")][-1] == "diagnose"
-    for command in found:
+    for command in commands_in((ROOT / "docs" / "tutorial.md").read_text()):
         execute(command)
     assert (Path("run") / "report.html").is_file()
-    assert (Path("first-look") / "report.html").is_file()
-    assert (Path("servo") / "report.html").is_file()
     assert list(Path("player").iterdir())
+
+
+@pytest.mark.slow
+@needs_opengl
+@pytest.mark.usefixtures("workplace")
+def test_the_commands_from_printed_tags_to_a_diagnosis() -> None:
+    for command in commands_in((ROOT / "docs" / "film-and-diagnose.md").read_text()):
+        execute(command)
+    assert Path("tags.pdf").is_file()
+    assert (Path("filmed-page") / "report.html").is_file()
+    assert (Path("gap") / "report.html").is_file()
+    assert (Path("logged") / "dataset.toml").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("workplace")
+def test_the_commands_that_diagnose_one_servo() -> None:
+    for command in commands_in((ROOT / "docs" / "one-servo.md").read_text()):
+        execute(command)
+    assert (Path("servo") / "report.html").is_file()
 
 
 @pytest.mark.slow
@@ -187,6 +205,20 @@ def test_the_api_pages_examples(quick: Problem, capsys: pytest.CaptureFixture[st
     }
     assert (Path("found") / "report.html").is_file()
     assert (Path("found") / "corrected.toml").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("workplace")
+def test_the_notebook_runs_and_has_no_outputs(capsys: pytest.CaptureFixture[str]) -> None:
+    cells = json.loads((ROOT / "docs" / "first-gait.ipynb").read_text())["cells"]
+    names: dict[str, object] = {}
+    for cell in cells:
+        assert not cell.get("outputs")
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]).replace("budget=30", f"budget={BUDGET}"), names)
+    assert "times the fastest baseline" in capsys.readouterr().out
+    assert matplotlib.pyplot.get_fignums()
+    matplotlib.pyplot.close("all")
 
 
 @pytest.mark.slow
