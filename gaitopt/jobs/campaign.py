@@ -99,7 +99,9 @@ class Campaign:
             player: format of the players (see `gaitopt export`); ``micropython`` by default.
             quantile: share of the robots that may be slower than a gait's speed says, 0 to 0.5; by default as
                 the problem file says, the mean.
-            executor, workers, on_progress: as of `Campaign`.
+            executor: as of `Campaign`.
+            workers: as of `Campaign`.
+            on_progress: as of `Campaign`.
 
         Raises:
             GaitoptError: the problem has no gait space, objective or marker, or the folder holds something.

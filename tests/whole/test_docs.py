@@ -102,7 +102,7 @@ def commands_in(text: str, folder: Path = Path()) -> Iterator[str]:
 def readme() -> list[str]:
     """The commands of the quick start, the README and the table of all commands, each once."""
     pages = ("docs/quick-start.md", "README.md", "docs/commands.md")
-    return list(dict.fromkeys(command for page in pages for command in commands_in((ROOT / page).read_text())))
+    return list(dict.fromkeys(c for page in pages for c in commands_in((ROOT / page).read_text())))
 
 
 def film_of_a_robot(path: Path) -> None:
