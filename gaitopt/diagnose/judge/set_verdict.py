@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.diagnose.judge import evidence
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.sets import JudgedSets
@@ -37,6 +38,7 @@ def conclude_sets(judgement: Judgement, sets: JudgedSets, n_hypotheses: int) -> 
     chances = at_work(judgement, sets)
     causes = tuple(name for name, chance in chances.items() if chance > settings.at_work)
     rest = tuple(n for n, chance in chances.items() if settings.possible <= chance <= settings.at_work)
+    rest += tuple(name for name in stand_ins(judgement, sets, causes) if name not in rest)
     clear = bool(causes) and not rest
     if not causes:
         causes, rest = rest[:1], rest[1:]
@@ -64,6 +66,22 @@ def at_work(judgement: Judgement, sets: JudgedSets) -> Mapping[str, float]:
             if one.name in sets.known or changes[one.name] >= least:
                 totals[one.effect.name] = totals.get(one.effect.name, 0.0) + chance
     return dict(sorted(totals.items(), key=lambda item: -item[1]))
+
+
+def stand_ins(judgement: Judgement, sets: JudgedSets, causes: Collection[str]) -> tuple[str, ...]:
+    """Return effects that do to the data what a cause does, and are no causes because they are unusual.
+
+    Their probability is that over the sets without one of the causes, all effects being as usual.
+    """
+    settings = judgement.settings.verdict
+    totals: dict[str, float] = {}
+    chances = evidence.probabilities(sets.scores_if_usual).tolist()
+    for candidate, changes, chance in zip(sets.candidates, sets.changes, chances, strict=True):
+        if not set(causes) <= set(candidate.names):
+            for one in candidate.hypotheses:
+                if one.effect.unusual and changes[one.name] >= settings.matters:
+                    totals[one.effect.name] = totals.get(one.effect.name, 0.0) + chance
+    return tuple(n for n, chance in totals.items() if chance >= settings.possible and n not in causes)
 
 
 def misfit_trials(judgement: Judgement, sets: JudgedSets) -> dict[str, float]:

@@ -196,6 +196,12 @@ class JudgedSets:
         best = max(none, default=-math.inf)
         return JudgedSets(judge, candidates, scores[order], best, tuple(changes), known)
 
+    @property
+    def scores_if_usual(self) -> Array:
+        """The scores if no effect were less usual than others, shape (candidates,)."""
+        unusual = [sum(one.effect.unusual for one in c.hypotheses) for c in self.candidates]
+        return self.scores + 0.5 * np.array(unusual, dtype=float)
+
     def intervals(self, candidate: Candidate, changes: Array) -> list[Interval]:
         """Return a 90 % interval of each parameter of a set, in its unit."""
         if candidate.together is None:

@@ -1,13 +1,18 @@
 """Which effects of sets are causes."""
 
+from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from toysets import toy_hypothesis
 
-from gaitopt.diagnose.judge.set_verdict import at_work
+from gaitopt.diagnose.judge.set_verdict import at_work, stand_ins
+from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.settings import VerdictSettings
+
+UNUSUAL = {"emf": 6.0}
+"""Price of each unusual effect."""
 
 
 def judged(*sets: tuple[float, dict[str, float]], known: tuple[str, ...] = ()) -> tuple[Any, Any]:
@@ -17,10 +22,20 @@ def judged(*sets: tuple[float, dict[str, float]], known: tuple[str, ...] = ()) -
         settings=SimpleNamespace(verdict=VerdictSettings(matters=2.0)),
         ranking=SimpleNamespace(probabilities=np.array([chance for chance, _ in sets])),
     )
-    candidates = [SimpleNamespace(hypotheses=[toy_hypothesis(name) for name in one]) for _, one in sets]
-    return judgement, SimpleNamespace(
-        candidates=candidates, changes=[one for _, one in sets], known=intervals
+    return judgement, JudgedSets(
+        None,  # type: ignore[arg-type]
+        tuple(candidate(one) for _, one in sets),
+        np.log([chance for chance, _ in sets]),
+        -np.inf,
+        tuple(one for _, one in sets),
+        intervals,
     )
+
+
+def candidate(names: Iterable[str]) -> Any:
+    """A set of effects."""
+    hypotheses = [toy_hypothesis(name, unusual=UNUSUAL.get(name, 0.0)) for name in names]
+    return SimpleNamespace(hypotheses=hypotheses, names=list(names))
 
 
 def test_an_effect_is_as_probable_as_the_sets_that_have_it() -> None:
@@ -36,3 +51,18 @@ def test_an_effect_that_changes_nearly_nothing_is_no_cause() -> None:
 def test_an_effect_that_other_evidence_shows_is_a_cause_whatever_it_changes() -> None:
     judgement, sets = judged((0.9, {"lag": 40.0, "jitter": 0.3}), (0.1, {"jitter": 0.2}), known=("jitter",))
     assert dict(at_work(judgement, sets)) == {"lag": 0.9, "jitter": 1.0}
+
+
+def test_an_unusual_effect_that_does_the_same_as_a_cause_cannot_be_told_from_it() -> None:
+    judgement, sets = judged((0.93, {"damping": 40.0}), (0.04, {"emf": 40.0}), (0.03, {"friction": 40.0}))
+    assert stand_ins(judgement, sets, ["damping"]) == ("emf",)
+
+
+def test_an_unusual_effect_that_fits_worse_is_ruled_out() -> None:
+    judgement, sets = judged((0.998, {"damping": 40.0}), (0.002, {"emf": 40.0}))
+    assert stand_ins(judgement, sets, ["damping"]) == ()
+
+
+def test_an_unusual_effect_beside_all_causes_does_not_stand_for_one() -> None:
+    judgement, sets = judged((0.9, {"damping": 40.0}), (0.1, {"damping": 30.0, "emf": 5.0}))
+    assert stand_ins(judgement, sets, ["damping"]) == ()
