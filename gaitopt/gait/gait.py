@@ -190,13 +190,18 @@ class Gait:
         return Gait(checked.period_s, checked.channels, name)
 
 
+BEST_FILE = "best.toml"
+"""The best gait of a run, in its folder."""
+
+
 def read_gait(path: Path) -> Gait:
-    """Return the gait in a gait file.
+    """Return the gait in a gait file, named after it; the best gait of a run is named after its folder.
 
     Raises:
         GaitoptError: the file cannot be read or its content is wrong.
     """
-    return Gait.from_dict(read_toml(path), path, path.stem)
+    folder = path.resolve().parent.name
+    return Gait.from_dict(read_toml(path), path, folder if folder and path.name == BEST_FILE else path.stem)
 
 
 def write_gait(path: Path | str, gait: Gait) -> None:

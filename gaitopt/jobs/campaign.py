@@ -20,7 +20,7 @@ from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.export.formats import FORMATS
 from gaitopt.export.handover import Choices
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.gait import BEST_FILE, Gait
 from gaitopt.jobs.campaign_status import Next, Status
 from gaitopt.jobs.campaign_step import StepWork
 from gaitopt.jobs.executor import check_executor, opened
@@ -243,7 +243,7 @@ class Campaign:
         step = self._folder.step(number)
         assert step is not None
         self._propose(step, pool)
-        write_into(self.path, "best.toml", step.candidates[step.best].gait.to_toml())
+        write_into(self.path, BEST_FILE, step.candidates[step.best].gait.to_toml())
         self._write_page(number)
         self._folder.finish(number)
 
@@ -295,7 +295,7 @@ class Campaign:
 
     def _best_file(self, step: Step) -> str:
         proposal = self._proposed(step.candidates[step.best].gait)
-        return "best.toml" if proposal is None else proposal.gait
+        return BEST_FILE if proposal is None else proposal.gait
 
     def _write_page(self, number: int | None = None) -> None:
         from gaitopt.report.campaign import write_campaign

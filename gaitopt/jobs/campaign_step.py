@@ -20,7 +20,7 @@ from gaitopt.diagnose.diagnosis import DiagnosisRequest
 from gaitopt.diagnose.record.dataset import WHOLE_CYCLES, DataSet
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.effects.active import EffectValues
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.gait import BEST_FILE, Gait
 from gaitopt.jobs.diagnose import Question, answered_into, is_finished
 from gaitopt.jobs.optimise import optimise
 from gaitopt.problem.instruments import measurable_signals
@@ -31,7 +31,6 @@ from gaitopt.runs.diagnosis_folder import read_diagnosis
 from gaitopt.runs.folder import POSTERIOR_FILE, held
 from gaitopt.runs.folder import REQUEST_FILE as RUN_FILE
 from gaitopt.runs.posterior import read_robots
-from gaitopt.runs.run_folder import BEST_FILE
 from gaitopt.simulation.rollout import Simulator
 
 _MORE_THAN_CYCLES = 0.1

@@ -9,7 +9,7 @@ from pathlib import Path
 from gaitopt.core.folders import check_new_or_empty
 from gaitopt.gait.gait import Gait
 from gaitopt.jobs.executor import opened
-from gaitopt.jobs.inputs import checked_seed, found_gait, over_posterior
+from gaitopt.jobs.inputs import checked_seed, found_gait, over_posterior, told_apart
 from gaitopt.jobs.outputs import Out, out_folder
 from gaitopt.optimise import compare as comparison
 from gaitopt.problem.model import carrying
@@ -51,7 +51,7 @@ def compare(
     check_new_or_empty(folder)
     problem = over_posterior(carrying(problem), posterior)
     check_objective(problem)
-    found = [found_gait(problem, gait) for gait in gaits]
+    found = told_apart([found_gait(problem, gait) for gait in gaits], gaits)
     seed = checked_seed(seed)
     with opened(executor, workers) as pool:
         rows = comparison.compare(problem, found, seed, pool)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.record.commands import read_commands
 from gaitopt.gait.drive import Drive
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.gait import BEST_FILE, Gait
 from gaitopt.gait.table import is_table
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.posterior import with_posterior
@@ -39,6 +41,33 @@ def found_gait(problem: Problem, gait: Gait | str | Path, in_range: bool = True)
     if isinstance(gait, Gait):
         return problem.check_gait(gait, gait.name or "gait", in_range)
     return problem.find_gait(str(gait), in_range=in_range)
+
+
+def told_apart(gaits: Sequence[Gait], references: Sequence[Gait | str | Path]) -> list[Gait]:
+    """Return gaits with names that differ: those alike get their folder's name before theirs, or a number.
+
+    Args:
+        gaits: the gaits.
+        references: what was asked for, in the same order.
+    """
+    names = [gait.name for gait in gaits]
+    placed = [f"{_folder(one)}/{name}".lstrip("/") for name, one in zip(names, references, strict=True)]
+    names = _unlike(names, placed)
+    names = _unlike(names, [f"{name} ({number})" for number, name in enumerate(names, 1)])
+    return [replace(gait, name=name) for gait, name in zip(gaits, names, strict=True)]
+
+
+def _folder(reference: Gait | str | Path) -> str:
+    """Return the name of the folder that holds a gait's file, or its run."""
+    if isinstance(reference, Gait) or not Path(reference).exists():
+        return ""
+    path = Path(reference).resolve()
+    return (path.parent if path.name == BEST_FILE else path).parent.name
+
+
+def _unlike(names: Sequence[str], others: Sequence[str]) -> list[str]:
+    """Return names, with others for those that occur more than once."""
+    return [other if names.count(name) > 1 else name for name, other in zip(names, others, strict=True)]
 
 
 def found_drive(problem: Problem, drive: Drive | str | Path) -> Drive:

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import silent
+from gaitopt.gait.gait import BEST_FILE
 from gaitopt.jobs.executor import check_executor, opened
 from gaitopt.jobs.inputs import checked_seed, over_posterior
 from gaitopt.jobs.outputs import Out, Stopped, out_folder
@@ -25,7 +26,7 @@ from gaitopt.optimise.verification import Verified
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.folder import JOURNAL_FILE
-from gaitopt.runs.run_folder import BEST_FILE, SUMMARY_FILE, Reopened, RunFolder
+from gaitopt.runs.run_folder import SUMMARY_FILE, Reopened, RunFolder
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import check_searchable
 

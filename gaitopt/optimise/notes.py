@@ -76,7 +76,7 @@ def warnings_of(
     ]
     broken = [
         f"it breaks the limit on {title_of(one.constraint)} in {len(one.broken_in)} of {one.scenarios} "
-        "scenarios"
+        f"scenarios: {', '.join(map(str, one.broken_in))}"
         for one in found
         if one.broken_in
     ]

@@ -14,7 +14,7 @@ from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
 from gaitopt.core.files import found_inside, read_toml
 from gaitopt.core.validation import validated
 from gaitopt.effects.active import ActiveEffect, EffectValues, Tables, active_effects, as_tables, written
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.gait import BEST_FILE, Gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.gait.table import is_table, read_gait_file
 from gaitopt.gait.ties import TiedSpace
@@ -199,10 +199,10 @@ class Problem:
             return self.baselines[reference]
         path = Path(reference)
         if path.is_dir():
-            best = found_inside(path, "best.toml")
+            best = found_inside(path, BEST_FILE)
             if best is None:
                 raise GaitoptError(
-                    f"{path / 'best.toml'}: no such file; {reference} is not a finished run folder"
+                    f"{path / BEST_FILE}: no such file; {reference} is not a finished run folder"
                 )
             path = best
         elif not path.exists():

@@ -34,7 +34,7 @@ def write_comparison(
     Args:
         path: a new or empty folder.
         problem: the robot.
-        gaits: the gaits, in the order of the rows.
+        gaits: the gaits, in the order of the rows, with names that differ.
         rows: the rows of the comparison.
         seed: seed of the scenarios.
     """
@@ -51,8 +51,7 @@ def _page(
     folder: Path, problem: Problem, gaits: Sequence[Gait], rows: Sequence[ComparedGait], seed: int
 ) -> Page:
     names, fidelity = [row.name for row in rows], problem.simulation.reference
-    known = [f"{name} ({n})" if names.count(name) > 1 else name for n, name in enumerate(names, 1)]
-    shown = dict(zip(known, gaits, strict=True))
+    shown = dict(zip(names, gaits, strict=True))
     simulator = Simulator.build(problem)
     trajectories = rollouts(simulator, shown)
     caption = (

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
 from gaitopt.core.json import to_json
 from gaitopt.core.quantities import figure
 from gaitopt.core.streams import Stream
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.gait import BEST_FILE, Gait
 from gaitopt.optimise.ladder import LadderSettings, Rung
 from gaitopt.optimise.run import Optimised
 from gaitopt.optimise.sensitivity import Sensitivity, SensitivitySettings
@@ -96,7 +96,7 @@ def write_report(
             ),
             Section("Optimised against hand-tuned", table=_speed_table(summary)),
             *save_figures(folder.path, pictures),
-            Section("The optimised gait", table=gait_table(optimised.best.gait, "best.toml")),
+            Section("The optimised gait", table=gait_table(optimised.best.gait, BEST_FILE)),
             folded(Section("All metrics", table=metric_table([summary.best, *summary.baselines]))),
             Section("What next", commands=_next_commands(folder.path)),
         ],
@@ -242,20 +242,26 @@ def _film(folder: Path, simulator: Simulator, optimised: Optimised, summary: Sum
     from gaitopt.report.film.film import write_film
     from gaitopt.report.film.take import take
 
-    gaits = [optimised.best.gait]
+    shown = [(optimised.best.gait, summary.best.speed_m_s)]
     fastest = summary.fastest_baseline
     if fastest is not None:
-        gaits.append(simulator.problem.baselines[fastest.name])
+        shown.append((simulator.problem.baselines[fastest.name], fastest.speed_m_s))
     begin = simulator.problem.simulation.horizon.transient_s
-    end = begin + film_on_page_s(max(gait.period_s for gait in gaits))
+    end = begin + film_on_page_s(max(gait.period_s for gait, _ in shown))
+    scenarios = summary.verified.scenarios
     beside = " beside the fastest hand-tuned gait" if fastest is not None else ""
     caption = (
-        f"The optimised gait{beside}, on the nominal robot, after the transient. The speed is that of this "
-        "rollout alone. The camera follows the robot; the stripes on the ground stand still."
+        f"The optimised gait{beside}, on the nominal robot, after the transient. The speeds are means "
+        f"over {scenarios} scenarios, as in the table. The camera follows the robot; the stripes on the "
+        "ground stand still."
     )
 
     def write(path: Path) -> None:
-        write_film(path, [take(simulator, gait, end) for gait in gaits], begin, end)
+        takes = [
+            replace(take(simulator, gait, end), speed_m_s=speed, speed_of=f"{scenarios} scenarios")
+            for gait, speed in shown
+        ]
+        write_film(path, takes, begin, end)
 
     return film_part(folder, "walk", "Film of the gait", caption, write)
 

@@ -13,7 +13,7 @@ from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import gait as gait_figures
 from gaitopt.report.figures import sweep as sweep_figures
 from gaitopt.report.page import Page, Picture, Section, Table, after_results, save_figures
-from gaitopt.report.words import fidelity_text, robot_text
+from gaitopt.report.words import ON_NOMINAL, fidelity_text, robot_text
 from gaitopt.runs.folder import PAGE_FILE, filled_folder, write_into
 from gaitopt.simulation.labels import label_of, shown
 from gaitopt.simulation.rollout import Simulator
@@ -57,7 +57,8 @@ def _page(
         asked={
             "Robot": robot_text(problem),
             "Values": ", ".join(f"{value:g}" for value in sweep.values),
-            "Simulated": f"the nominal robot, {fidelity_text(working.timestep_s, working.integrator)}",
+            "Simulated": f"one rollout at each value {ON_NOMINAL} Here: "
+            f"{fidelity_text(working.timestep_s, working.integrator)}",
         },
         sections=[
             *save_figures(folder, _pictures(problem, sweep, points, rows)),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isnan
 
 from gaitopt.core.quantities import figure
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.compare import ComparedGait
 from gaitopt.report.page import Table
-from gaitopt.runs.summary import BestRow, GaitRow, MarginRow
+from gaitopt.runs.summary import BestRow, GaitRow
 from gaitopt.simulation.labels import label_of, shown, title_of, with_unit
 
 
@@ -23,7 +24,7 @@ def metric_table(rows: Sequence[GaitRow | ComparedGait]) -> Table:
     )
 
 
-MARGIN_HEAD = ("limit on", "allowed", "value", "worst", "margin [%]", "broken in")
+MARGIN_HEAD = ("limit on", "allowed", "value", "worst", "margin", "broken in")
 """Head of the table of margins, on the page and in the terminal."""
 
 
@@ -35,8 +36,8 @@ def margin_rows(best: BestRow) -> list[list[str]]:
             row.allowed,
             with_unit(row.constraint, row.value),
             with_unit(row.constraint, row.worst),
-            figure(100.0 * row.margin),
-            _scenarios_text(row),
+            "–" if isnan(row.margin) else f"{100.0 * row.margin:.3g} %",
+            f"{len(row.broken_in)} of {row.scenarios}",
         ]
         for row in sorted(best.margins, key=lambda row: row.margin)
     ]
@@ -49,15 +50,8 @@ def margin_table(best: BestRow) -> Table:
         rows=margin_rows(best),
         note="Value: the mean over the scenarios, or as the problem judges its limits. Worst: the scenario "
         "closest to the limit. Margin: what the value leaves of the limit, as a share of it. Broken in: "
-        "how many scenarios break the limit, and which.",
-        words=(5,),
+        "how many scenarios break the limit.",
     )
-
-
-def _scenarios_text(row: MarginRow) -> str:
-    """Return how many scenarios break a limit, and which."""
-    which = f" ({', '.join(map(str, row.broken_in))})" if row.broken_in else ""
-    return f"{len(row.broken_in)} of {row.scenarios}{which}"
 
 
 def gait_table(gait: Gait, file: str) -> Table:

@@ -78,6 +78,13 @@ def _beyond(what: str, found: float, largest: float, unit: str, scale: float = 1
     )
 
 
+ON_NOMINAL = (
+    "of the nominal robot at the working fidelity; `gaitopt compare` has the speed over scenarios, at the "
+    "reference fidelity."
+)
+"""What a speed of one rollout is, and where the speed is that pages and searches state."""
+
+
 def basis_of(summary: Summary) -> str:
     """Return in one or two sentences what the speeds of a search are means over, and how fine they are."""
     verified = summary.verified

@@ -15,6 +15,7 @@ from gaitopt.core.files import read_bytes, read_toml
 from gaitopt.core.json import to_json
 from gaitopt.core.own_files import check_folder, check_own
 from gaitopt.core.versions import versions
+from gaitopt.gait.gait import BEST_FILE
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.run import Optimised, Request
 from gaitopt.problem.model import assets_beside, model_assets, nominal_mjcf
@@ -35,9 +36,6 @@ from gaitopt.runs.front_table import front_csv
 from gaitopt.runs.lock import FolderLock
 from gaitopt.runs.posterior import posterior_csv, read_robots
 from gaitopt.runs.summary import Summary
-
-BEST_FILE = "best.toml"
-"""The winner of a run, a gait file."""
 
 SUMMARY_FILE = "summary.json"
 """The result of a run, the last one before its page: it shows that the search is finished."""

@@ -12,7 +12,7 @@ def test_compare_is_over_the_same_scenarios(gaitopt: Run, finished: Path) -> Non
     code, out, err = gaitopt("compare", STRIDER, "stride", "square", finished, "stride", "--json")
     assert (code, err) == (0, "")
     rows = strictly(out)["rows"]
-    assert [row["name"] for row in rows] == ["stride", "square", "best", "stride"]
+    assert [row["name"] for row in rows] == ["stride (1)", "square", finished.name, "stride (4)"]
     for row in rows:
         low, high = row["speed_ci90_m_s"]
         assert low <= row["speed_m_s"] <= high
@@ -25,6 +25,18 @@ def test_compare_is_over_the_same_scenarios(gaitopt: Run, finished: Path) -> Non
     assert strictly(other[1])["rows"] != rows
     text = gaitopt("compare", STRIDER, "stride", "square")[1]
     assert "more than noise" in text
+
+
+def test_runs_are_called_by_their_folders(gaitopt: Run, finished: Path, tmp_path: Path) -> None:
+    for folder in ("mine/run", "yours/run", "other"):
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / "best.toml").write_text((finished / "best.toml").read_text())
+    mine, yours, other = (tmp_path / folder for folder in ("mine/run", "yours/run", "other"))
+    asked = ("compare", STRIDER, finished / "best.toml", other)
+    rows = strictly(gaitopt(*asked, "--json")[1])["rows"]
+    assert [row["name"] for row in rows] == [finished.name, "other"]
+    rows = strictly(gaitopt("compare", STRIDER, mine, yours, "--json")[1])["rows"]
+    assert [row["name"] for row in rows] == ["mine/run", "yours/run"]
 
 
 def test_a_gait_has_one_speed_wherever_it_is_printed(gaitopt: Run, finished: Path) -> None:

@@ -86,7 +86,7 @@ def test_an_amplitude_of_all_of_a_servos_travel_is_at_no_bound_of_the_search(lim
 def test_warnings_say_what_is_close_broken_not_straight_and_found_by_the_audit(limited: Problem) -> None:
     calm = said(limited, verified(limited))
     assert "the limit on time in the air by 1.7% only: 19.7 %, allowed: at most 20 %" in calm
-    assert "breaks the limit on time in the air in 1 of 3 scenarios" in calm
+    assert "breaks the limit on time in the air in 1 of 3 scenarios: 3" in calm
     assert "sideways" not in calm
     finding = Finding(
         "command_not_followed", "best", 0.6, 0.95, "rear reaches 60% of its travel", servo="rear"

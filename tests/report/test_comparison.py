@@ -36,4 +36,4 @@ def test_gaits_of_one_name_are_drawn_side_by_side(tmp_path: Path, monkeypatch: p
         write_gait(tmp_path / folder / "gait.toml", gait)
     files = [str(tmp_path / folder / "gait.toml") for folder in ("one", "other")]
     assert cli.main(["compare", str(STRIDER), *files, "square", "--out", str(tmp_path / "c")]) == 0
-    assert shown == ["gait (1)", "gait (2)", "square"]
+    assert shown == ["one/gait", "other/gait", "square"]

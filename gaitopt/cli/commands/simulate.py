@@ -33,6 +33,7 @@ def run(options: Options) -> None:
     from gaitopt.cli.display import print_over_robots, print_rows
     from gaitopt.jobs.film import FilmOptions
     from gaitopt.jobs.simulate import simulate, view_rollout
+    from gaitopt.report.words import ON_NOMINAL
 
     film = FilmOptions(options.beside, options.measured, options.seconds)
     rollout = simulate(
@@ -52,10 +53,7 @@ def run(options: Options) -> None:
     else:
         print_over_robots(rollout, over)
     if not options.json and "speed_m_s" in rollout.metrics:
-        say(
-            "One rollout of the nominal robot at the working fidelity; `gaitopt compare` has the speed over "
-            "scenarios, at the reference fidelity."
-        )
+        say(f"One rollout {ON_NOMINAL}")
     if options.view:
         view_rollout(rollout)
 

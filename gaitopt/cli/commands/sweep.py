@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gaitopt.cli.command import Command, Options, Parser
-from gaitopt.cli.lines import print_json
+from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import add_executor, add_json, add_posterior, add_problem, add_run_folder, problem_of
 
 
@@ -24,6 +24,7 @@ def run(options: Options) -> None:
     from gaitopt.cli.display import print_report, print_rows, speed_over_robots
     from gaitopt.jobs.outputs import NUMBERED
     from gaitopt.jobs.sweep import sweep
+    from gaitopt.report.words import ON_NOMINAL
 
     swept = sweep(
         problem_of(options),
@@ -39,6 +40,8 @@ def run(options: Options) -> None:
         print_json({"rows": rows})
     else:
         print_rows([row.to_dict() | speed_over_robots(row) for row in swept.rows])
+        if any("speed_m_s" in row.metrics for row in swept.rows):
+            say(f"One rollout at each value {ON_NOMINAL}")
         print_report(swept.folder)
 
 

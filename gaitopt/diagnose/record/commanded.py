@@ -8,13 +8,10 @@ from pathlib import Path
 
 from gaitopt.core.errors import GaitoptError, nearest
 from gaitopt.core.files import found_inside, read_bytes, write_bytes
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.gait import BEST_FILE, Gait
 from gaitopt.gait.table import read_gait_file
 from gaitopt.problem.lookup import bundled_names
 from gaitopt.problem.problem import Problem, load_problem
-
-BEST = "best.toml"
-"""The best gait in a run folder."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +42,8 @@ class Commanded:
             return self.reference
         data = read_bytes(self.file)
         names = [self.file.name]
-        if self.file.name == BEST:  # of several runs
-            names.append(f"{self.file.absolute().parent.name}-{BEST}")
+        if self.file.name == BEST_FILE:  # of several runs
+            names.append(f"{self.file.absolute().parent.name}-{BEST_FILE}")
         for name in names:
             copy = folder / name
             if name not in taken and (not copy.exists() or read_bytes(copy) == data):
@@ -91,7 +88,7 @@ def _file_of(reference: str) -> Path | None:
     path = Path(reference)
     if not path.is_dir():
         return path if path.exists() else None
-    best = found_inside(path, BEST)
+    best = found_inside(path, BEST_FILE)
     if best is None:
-        raise GaitoptError(f"{path / BEST}: no such file; {reference} is not a finished run folder")
+        raise GaitoptError(f"{path / BEST_FILE}: no such file; {reference} is not a finished run folder")
     return best

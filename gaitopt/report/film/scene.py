@@ -140,7 +140,9 @@ class Scene:
         shown = self._shown
         marker = shown.trajectory.stacked("marker")
         travelled = float(shown.axes[0] @ (marker[index] - marker[0]))
-        speed = "" if math.isnan(shown.speed_m_s) else f"   speed {length_text(shown.speed_m_s)}/s"
+        speed = ""
+        if not math.isnan(shown.speed_m_s):
+            speed = f"   speed {length_text(shown.speed_m_s)}/s ({shown.speed_of})"
         period = "" if shown.period_s is None else f"   period {shown.period_s:.3g} s"
         above = f"{drawable(shown.name)}{period}{speed}"
         stripes = length_text(self._stripe_m, 0)

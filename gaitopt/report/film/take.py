@@ -33,6 +33,7 @@ class Take:
         period_s: the gait's period; None for commands without one.
         block_s: length of a block, a gait's cycle.
         speed_m_s: its mean forward speed; NaN where it is not known.
+        speed_of: what that speed is of, in words.
         ghost: the measured marker, if it is shown.
     """
 
@@ -44,6 +45,7 @@ class Take:
     block_s: float
     speed_m_s: float
     ghost: Ghost | None = None
+    speed_of: str = "this rollout"
 
     @property
     def poses(self) -> NDArray[np.float64]:
