@@ -18,6 +18,7 @@ from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.verification import scenarios_of, scenarios_on_every_robot
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import SPEED, Metrics
+from gaitopt.simulation.scenario import Scenario
 from gaitopt.simulation.setup import RobotSetup
 
 COMPARED = 64
@@ -82,14 +83,27 @@ class ComparedGait:
         } | metrics
 
 
+def compared_scenarios(problem: Problem, seed: int) -> tuple[Scenario, ...]:
+    """Return the scenarios that gaits are compared in.
+
+    Each robot of a posterior has one, at most `COMPARED` of them. Without such robots they are those with
+    which a search of the same seed verifies its winner.
+
+    Args:
+        problem: the problem.
+        seed: seed of the scenarios.
+    """
+    if problem.robots:
+        return scenarios_on_every_robot(problem, seed, COMPARED)
+    return scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS)
+
+
 def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Executor) -> list[ComparedGait]:
     """Return one row per gait: mean speed with interval, and its paired difference to the first gait.
 
-    Scenarios and fidelity are those with which a search of the same seed verifies its winner, so a gait has
-    one speed. Every gait runs in the same scenarios, so that difference and ratio of two are judged scenario
-    by scenario. Where the problem has robots, there are as many scenarios as robots, at most `COMPARED`, each
-    on one of them. There is one real robot, so intervals then say where it may lie, and not where the mean
-    does.
+    Scenarios (`compared_scenarios`) and fidelity are those of a winner, so a gait has one speed. Every gait
+    runs in the same scenarios, so that difference and ratio of two are judged scenario by scenario. There is
+    one real robot, so over robots of a posterior intervals say where it may lie, and not where the mean does.
 
     Args:
         problem: the problem.
@@ -101,10 +115,7 @@ def compare(problem: Problem, gaits: Sequence[Gait], seed: int, executor: Execut
         GaitoptError: the problem has no marker, whose speed is compared.
     """
     problem.require("compare", "roles.marker")
-    if problem.robots:
-        scenarios, interval = scenarios_on_every_robot(problem, seed, COMPARED), spread90
-    else:
-        scenarios, interval = scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS), interval90
+    scenarios, interval = compared_scenarios(problem, seed), spread90 if problem.robots else interval90
     fidelity = problem.simulation.reference
     evaluator = Evaluator(RobotSetup.of(problem, scenarios, fidelity), executor)
     rows: list[ComparedGait] = []

@@ -6,7 +6,7 @@ import json
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import jinja2
@@ -26,6 +26,7 @@ from gaitopt.problem.drafting.names import name_parts
 from gaitopt.problem.drafting.standing import size_of, stance_key, stand
 from gaitopt.problem.drafting.ties import DraftedTies, draft_ties
 from gaitopt.problem.guesses import (
+    USUAL_SERVO,
     GuessedChannel,
     GuessedParameter,
     GuessedRoles,
@@ -221,5 +222,4 @@ def _text(name: str, model: str, draft: Draft) -> str:
     )
     environment.filters["toml"] = lambda value: json.dumps(value, ensure_ascii=False)
     template = environment.get_template("problem.toml.jinja")
-    channels = [asdict(one) for one in draft.channels]
-    return template.render(name=name, model=model, draft=draft, channels=channels, pins=SAFE_PINS)
+    return template.render(name=name, model=model, draft=draft, pins=SAFE_PINS, usual=USUAL_SERVO)

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.gait.calibration import Calibration
 from gaitopt.problem.drafting.family import guess_pads
 from gaitopt.problem.drafting.heading import forward_axis, up_axis
 from gaitopt.problem.drafting.motors import ASSUMED_RANGE_RAD
@@ -30,6 +31,9 @@ _QUOTES = {"'", '"'}
 
 _KEY_BREAKS = re.compile(r"[^A-Za-z0-9_-]+")
 """What is not taken over from the name of a part into that of a parameter."""
+
+USUAL_SERVO = Calibration()
+"""The servo that is assumed on each channel."""
 
 NEW_MARKER = "marker"
 """Site that is added to a trunk without any."""
@@ -73,6 +77,13 @@ class GuessedChannel:
     amplitude_deg: tuple[float, float]
     rest_deg: float
     origin: str
+
+    @property
+    def neutral_us(self) -> int:
+        """Pulse at angle 0 if the middle of the range is the middle of the servo, or the nearest one, µs."""
+        usual, (low, high) = USUAL_SERVO, self.range_deg
+        middle = usual.neutral_us - usual.us_per_deg * (low + high) / 2
+        return min(max(round(middle), usual.min_us), usual.max_us)
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,8 @@ from pathlib import Path
 
 from gaitopt.core.json import to_json
 from gaitopt.core.quantities import figure
-from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.compare import COMPARED, ComparedGait
-from gaitopt.optimise.verification import scenarios_of, scenarios_on_every_robot
+from gaitopt.optimise.compare import ComparedGait, compared_scenarios
 from gaitopt.problem.problem import Problem
 from gaitopt.report.figures import comparison as comparison_figures
 from gaitopt.report.figures import gait as gait_figures
@@ -23,7 +21,6 @@ from gaitopt.report.words import constraints_text, fidelity_text, interval_text,
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.runs.folder import PAGE_FILE, filled_folder, write_into
 from gaitopt.simulation.rollout import Simulator
-from gaitopt.simulation.scenario import Scenario
 
 
 def write_comparison(
@@ -59,7 +56,7 @@ def _page(
         "Choose which two are shown."
     )
     player = player_part("The robot", caption, shown_takes(simulator, shown, trajectories))
-    ways = ways_of(problem, shown, trajectories, _scenarios(problem, seed))
+    ways = ways_of(problem, shown, trajectories, compared_scenarios(problem, seed))
     return Page(
         title=f"{problem.name}: gaits compared",
         answer=" ".join(verdicts(rows)) or f"{names[0]} alone: nothing to compare with.",
@@ -79,13 +76,6 @@ def _page(
             folded(Section("All metrics", table=metric_table(rows))),
         ],
     )
-
-
-def _scenarios(problem: Problem, seed: int) -> tuple[Scenario, ...]:
-    """Return the scenarios of the comparison."""
-    if problem.robots:
-        return scenarios_on_every_robot(problem, seed, COMPARED)
-    return scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS)
 
 
 def _robots_text(rows: Sequence[ComparedGait]) -> str:
