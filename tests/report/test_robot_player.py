@@ -251,6 +251,38 @@ def test_the_player_plays_by_itself_unless_motion_is_to_be_reduced(tab: Tab, tmp
 
 @pytest.mark.slow
 @needs_browser
+def test_the_player_draws_once_a_picture_and_outlives_a_lost_context(tab: Tab, tmp_path: Path) -> None:
+    path = tmp_path / "page.html"
+    path.write_text(page(takes()))
+    tab.opened(path, prefers_reduced_motion="no-preference")
+    tab.settled()
+    asked = tab.value(
+        "new Promise(done => {"
+        "  const real = requestAnimationFrame, play = document.querySelector('[data-part=play]');"
+        "  for (let n = 0; n < 6; n++) play.click();"
+        "  let asked = 0, frames = 0;"
+        "  window.requestAnimationFrame = f => { asked++; return real(f); };"
+        "  const count = () => { if (frames++ < 10) real(count); else done(asked); };"
+        "  real(count);"
+        "})"
+    )
+    assert 5 <= asked <= 12
+    before = tab.value("document.querySelector('[data-part=clock]').textContent")
+    tab.value(
+        "new Promise(done => {"
+        "  const canvas = document.querySelector('canvas');"
+        "  const lost = canvas.getContext('webgl2').getExtension('WEBGL_lose_context');"
+        "  canvas.addEventListener('webglcontextlost', () => setTimeout(() => lost.restoreContext(), 200));"
+        "  canvas.addEventListener('webglcontextrestored', () => setTimeout(done, 300));"
+        "  lost.loseContext();"
+        "})"
+    )
+    assert tab.value("document.querySelector('[data-part=clock]').textContent") != before
+    assert tab.messages == []
+
+
+@pytest.mark.slow
+@needs_browser
 def test_a_browser_without_webgl_says_so_and_shows_the_film(tmp_path: Path) -> None:
     film = film_part(tmp_path, "walk", "Film", "It walks.", lambda path: write_mp4(path, fading(), 25.0))
     assert not film.notes

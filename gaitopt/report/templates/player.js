@@ -110,17 +110,21 @@
       chosen: [0, Math.min(1, motions.length - 1)], azimuth: VIEWS.side[0], elevation: VIEWS.side[1], zoom: 1};
     const end = Math.max(...motions.map(one => one.end)), step = Math.min(...motions.map(one => one.take.step_s)) || 0.02;
     const grid = round(0.35 * radius);
+    // Of each robot: where its shapes are on their bodies, and which of them move or are planes.
+    const figures = content.robots.map(({shapes}) => {
+      const order = shapes.map((_, i) => i);
+      return {own: shapes.map(shape => vectors.placed(shape.position, shape.turn)), moved: order.filter(i => shapes[i].body >= 0),
+        planes: order.filter(i => shapes[i].kind === "plane"), solids: order.filter(i => shapes[i].kind !== "plane")};
+    });
     let scene = null, parts = [], grounds = [], trails = [], visible = false, asked = 0, printing = false;
 
     function build() {
       scene = gaitoptScene(canvas);
       if (!scene) return false;
       parts = content.robots.map(robot => robot.shapes.map(shape => scene.part(gaitoptTriangles(shape, robot.meshes))));
-      grounds = content.robots.map(robot => {
-        const plane = robot.shapes.find(shape => shape.kind === "plane" && shape.body < 0);
-        if (!plane) return null;
-        const turn = vectors.placed(plane.position, plane.turn);
-        return {point: plane.position, normal: [turn[8], turn[9], turn[10]]};
+      grounds = content.robots.map(({shapes}, n) => {
+        const plane = figures[n].planes.find(i => shapes[i].body < 0);
+        return plane === undefined ? null : {point: shapes[plane].position, normal: [...figures[n].own[plane].slice(8, 11)]};
       });
       trails = motions.map((one, n) => {
         const ground = grounds[one.take.robot], lift = 0.004 * radius;
@@ -148,6 +152,7 @@
 
     function drawOne(n, place, style) {
       const one = motions[n], robot = one.robot, ground = grounds[one.take.robot], aspect = place[2] / place[3];
+      const {own, moved, planes, solids} = figures[one.take.robot], drawn = parts[one.take.robot];
       const [azimuth, elevation] = [state.azimuth, state.elevation].map(angle => angle * Math.PI / 180);
       const level = add(forward.map(x => x * Math.cos(azimuth)), left, Math.sin(azimuth));
       const back = add(level.map(x => x * Math.cos(elevation)), up, Math.sin(elevation));
@@ -160,27 +165,21 @@
       scene.pane(place, vectors.seen(eye, centre, up, distance, aspect, VIEW),
         {...style, light, up, centre, reach: 14 * size / state.zoom + 2 * size});
       const bodies = one.placed(state.t), touching = one.touching(state.t);
-      const models = robot.shapes.map(shape => {
-        const own = vectors.placed(shape.position, shape.turn);
-        return shape.body < 0 ? own : vectors.times(bodies[shape.body], own);
-      });
-      const order = robot.shapes.map((_, i) => i), moved = order.filter(i => robot.shapes[i].body >= 0);
-      for (const i of order) if (robot.shapes[i].kind === "plane")
-        scene.draw(parts[one.take.robot][i], models[i], style.ground, {grid, lit: false});
+      const models = robot.shapes.map(({body}, i) => body < 0 ? own[i] : vectors.times(bodies[body], own[i]));
+      for (const i of planes) scene.draw(drawn[i], models[i], style.ground, {grid, lit: false});
       if (ground) {
         const lift = 0.002 * radius, shade = [...style.background.map(x => 0.2 * x), style.shadow];
         const down = vectors.flattened(light, ground.point, ground.normal, lift);
         const below = vectors.flattened(ground.normal, ground.point, ground.normal, 1.5 * lift);
-        for (const i of moved) scene.draw(parts[one.take.robot][i], models[i], shade, {flatten: down, mark: 1, lit: false});
-        for (const i of moved) if (touching(i)) scene.draw(parts[one.take.robot][i], models[i], [...COLOURS.touch.slice(0, 3), 0.8], {flatten: below, mark: 2, lit: false});
+        for (const i of moved) scene.draw(drawn[i], models[i], shade, {flatten: down, mark: 1, lit: false});
+        for (const i of moved) if (touching(i)) scene.draw(drawn[i], models[i], [...COLOURS.touch.slice(0, 3), 0.8], {flatten: below, mark: 2, lit: false});
       }
       if (state.trail) drawTrails(n);
       const depth = i => dot([models[i][12], models[i][13], models[i][14]], back);
-      const clear = order.filter(i => robot.shapes[i].colour[3] < 1 && !touching(i)).sort((a, b) => depth(a) - depth(b));
-      for (const i of [...order.filter(i => !clear.includes(i)), ...clear]) {
-        if (robot.shapes[i].kind === "plane") continue;
-        scene.draw(parts[one.take.robot][i], models[i], touching(i) ? COLOURS.touch : robot.shapes[i].colour);
-      }
+      const clear = i => robot.shapes[i].colour[3] < 1 && !touching(i);
+      const seenThrough = solids.filter(clear).sort((a, b) => depth(a) - depth(b));
+      for (const i of [...solids.filter(i => !clear(i)), ...seenThrough])
+        scene.draw(drawn[i], models[i], touching(i) ? COLOURS.touch : robot.shapes[i].colour);
     }
 
     function drawTrails(n) {
@@ -232,20 +231,22 @@
     }
 
     const redraw = () => { if (scene && !asked) asked = requestAnimationFrame(draw); };
-    let before = null;
+    let before = null, ticking = 0;
+    const go = () => { if (!ticking) ticking = requestAnimationFrame(tick); };  // once a picture, however often it is asked for
     function tick(now) {
-      if (!state.playing || !visible) { before = null; return; }
+      ticking = 0;
+      if (!state.playing || !visible || !scene) { before = null; return; }
       if (before !== null) { state.t += state.speed * Math.min(0.1, (now - before) / 1e3); if (state.t > end) state.t = 0; }
       before = now;
       if (asked) cancelAnimationFrame(asked);
       draw();
-      requestAnimationFrame(tick);
+      go();
     }
     function play(on) {
       if (on === state.playing) return;
       state.playing = on;
       find("play").textContent = on ? "Pause" : "Play";
-      if (on) requestAnimationFrame(tick);
+      if (on) go();
     }
     const seek = t => { state.t = Math.min(end, Math.max(0, t)); redraw(); };
     const by = n => { play(false); seek(step * (Math.round(state.t / step) + n)); };
@@ -299,7 +300,7 @@
       "+": () => zoom(1.25), "=": () => zoom(1.25), "-": () => zoom(0.8), " ": () => play(!state.playing), ",": () => by(-1), ".": () => by(1), Home: () => seek(0), End: () => seek(end)};
     canvas.addEventListener("keydown", event => { if (keys[event.key] && !event.altKey && !event.ctrlKey && !event.metaKey) { event.preventDefault(); keys[event.key](); } });
     canvas.addEventListener("webglcontextlost", event => { event.preventDefault(); scene = null; });
-    canvas.addEventListener("webglcontextrestored", () => { build(); redraw(); });
+    canvas.addEventListener("webglcontextrestored", () => { build(); redraw(); go(); });
     addEventListener("beforeprint", () => { printing = true; if (scene) draw(); });
     addEventListener("afterprint", () => { printing = false; redraw(); });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
@@ -310,7 +311,7 @@
     new IntersectionObserver(([entry]) => {
       visible = entry.isIntersecting;
       if (visible && first) { first = false; play(!still.matches); }
-      else if (visible && state.playing) requestAnimationFrame(tick);
+      else if (visible) go();
     }, {threshold: 0.3}).observe(canvas);
     find("grid").textContent = grounds.some(Boolean) ? `squares on the ground: ${length(grid)}` : "";
     draw();
