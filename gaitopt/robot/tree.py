@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 
+_WATER = 100.0
+"""A fluid denser than this may carry a robot, kg/m^3; air has 1.2."""
+
 
 def driven_joints(model: mujoco.MjModel, actuator: int) -> dict[int, float]:
     """Return the joints that an actuator turns, each with the change of the actuator's length for 1 rad or m.
@@ -73,6 +76,11 @@ def free_joint(model: mujoco.MjModel, body: int) -> int | None:
     """Return the id of the free joint by which a body moves, or None."""
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     return first if count == 1 and int(model.jnt_type[first]) == _FREE else None
+
+
+def in_water(model: mujoco.MjModel) -> bool:
+    """Return whether the robot is in a fluid that may carry it."""
+    return bool(model.opt.density > _WATER)
 
 
 def surroundings(model: mujoco.MjModel, also: Sequence[int] = ()) -> list[int]:

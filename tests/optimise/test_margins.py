@@ -96,6 +96,19 @@ def test_warnings_say_what_is_close_broken_not_straight_and_found_by_the_audit(l
     assert "`gaitopt check` finds that rear reaches 60%" in odd
 
 
+def test_servos_that_do_not_follow_are_one_warning(limited: Problem) -> None:
+    shares = {"a": 0.9, "b": 0.5, "c": 0.7, "d": 0.8, "e": 0.94}
+    late = [
+        Finding("command_not_followed", "best", share, 0.95, f"{name} reaches", servo=name)
+        for name, share in shares.items()
+    ]
+    drift = Finding("sideways_drift", "best", 0.6, 0.35, "it drifts")
+    odd = said(limited, verified(limited), *late, drift)
+    assert odd.count("`gaitopt check` finds that") == 2
+    assert "5 servos do not reach their commanded travel: b 50%, c 70%, d 80% of it and 2 more" in odd
+    assert "finds that it drifts" in odd
+
+
 def test_a_gait_that_failed_has_no_margins(limited: Problem) -> None:
     failed = verified(limited)
     failed = replace(failed, evaluation=replace(failed.evaluation, status="diverged at 1 s"))

@@ -10,12 +10,9 @@ import numpy as np
 
 from gaitopt.problem.drafting.heading import up_axis
 from gaitopt.problem.drafting.standing import FALLEN_RAD, Standing, tilt_of
-from gaitopt.robot.tree import driven_joints, robot_bodies, trunk
+from gaitopt.robot.tree import driven_joints, in_water, robot_bodies, trunk
 
 FAMILIES = ("crawler", "quadruped", "hexapod", "snake", "swimmer", "other")
-
-_WATER = 100.0
-"""A fluid denser than this carries a swimmer, kg/m^3; air has 1.2."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +144,7 @@ def guess_family(model: mujoco.MjModel, standing: Standing, pads: Sequence[int])
     lies = any(
         not _servos_above(model, int(model.geom_bodyid[geom])) for geom in standing.touching
     )  # on its trunk, or on wheels of it
-    if model.opt.density > _WATER:
+    if in_water(model):
         return "swimmer", f"it is in a fluid of {model.opt.density:g} kg/m^3"
     fallen = tilt_of(model, standing, up_axis(model)[0]) > FALLEN_RAD
     if is_chain(model) and model.nu > 1 and (lies or not limbs) and not fallen:

@@ -13,6 +13,7 @@ from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
+from gaitopt.robot.tree import in_water
 from gaitopt.simulation.audit.finding import (
     AIRTIME,
     CHAOS,
@@ -44,7 +45,8 @@ def check_conduct(
         metrics = measure(problem, gait, trajectory, robot)
         yield from check_upright(gait, metrics, settings)
         yield from _self_collision(gait, trajectory)
-        yield from _airtime(problem, gait, trajectory, metrics, settings)
+        if not in_water(simulator.models[0]):
+            yield from _airtime(problem, gait, trajectory, metrics, settings)
         yield from _drift(gait, metrics, settings)
         yield from _servos(gait, metrics, settings)
         if problem.roles.marker:

@@ -12,21 +12,18 @@ from gaitopt.problem.start import start_targets
 from gaitopt.robot.contact import can_touch
 from gaitopt.robot.rotation import rotation_matrices
 from gaitopt.robot.trajectory import Trajectory
-from gaitopt.robot.tree import free_joint
+from gaitopt.robot.tree import free_joint, in_water
 from gaitopt.simulation.audit.finding import DOES_NOT_STAND, FELL_OVER, NO_GROUND, Finding
 from gaitopt.simulation.audit.settings import CheckSettings
 from gaitopt.simulation.metrics import Metrics
 from gaitopt.simulation.rollout import Simulator
-
-_WATER = 100.0
-"""A fluid denser than this may carry a robot, kg/m^3."""
 
 
 def check_ground(simulator: Simulator) -> Iterator[Finding]:
     """Find that a free robot has nothing to stand on."""
     model, parts = simulator.models[0], simulator.effects.nominal
     free = free_joint(model, parts.trunk) is not None
-    if not free or model.opt.density > _WATER or not np.any(model.opt.gravity):
+    if not free or in_water(model) or not np.any(model.opt.gravity):
         return
     own = set(range(model.ngeom)) - set(parts.surroundings)
     around = parts.static_surroundings
