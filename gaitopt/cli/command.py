@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from gaitopt.cli.lines import say_aside
-from gaitopt.core.errors import GaitoptError
+from gaitopt.core.errors import GaitoptError, nearest
 from gaitopt.core.numbers import number, whole_number
 
 WRONG_USAGE = 2
@@ -41,29 +41,34 @@ class Command:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser of one line errors that knows its commands and the long names of its options.
+    """A parser of one line errors that knows its commands, and the long names and values of its options.
 
     Attributes:
         words: the long names of its options, in order.
+        values: the values that arguments and options take, by their names: words, or a kind of words that
+            `completion` knows, such as ``PROBLEM``.
         commands: the parsers of its commands, by name.
     """
 
     def __init__(self, *arguments: Any, **options: Any):
         self.words: list[str] = []
+        self.values: dict[str, str | Sequence[str]] = {}
         self.commands: dict[str, Parser] = {}
         super().__init__(*arguments, **options)
         self.register("type", float, number)
         self.register("type", int, whole_number)
 
-    def add_argument(self, *names: Any, **options: Any) -> argparse.Action:
-        """Add an argument or an option."""
+    def add_argument(self, *names: Any, values: str = "", **options: Any) -> argparse.Action:
+        """Add an argument or an option; `values` is what it takes, if neither metavar nor choices say it."""
         action = super().add_argument(*names, **options)
         self.words += [name for name in action.option_strings if name.startswith("--")]
+        self.values[names[0]] = values or list(action.choices or ()) or str(action.metavar)
         return action
 
     def add_commands(self, commands: Sequence[Command], title: str, **options: Any) -> None:
-        """Add commands, one of which is required."""
-        subparsers = self.add_subparsers(title=title, required=True, **options)
+        """Add commands. Without one, the help is printed."""
+        self.set_defaults(run=lambda _: self.print_help())
+        subparsers = self.add_subparsers(title=title, **options)
         for command in commands:
             parser = subparsers.add_parser(
                 command.name,
@@ -77,6 +82,23 @@ class Parser(argparse.ArgumentParser):
             else:
                 command.add_options(parser)
                 parser.set_defaults(run=command.run)
+
+    def _check_value(self, action: argparse.Action, value: object) -> None:
+        """Refuse what is none of the choices, with the nearest one."""
+        if action.choices is not None and value not in action.choices:
+            names = [str(name) for name in action.choices]
+            listed = "" if self.commands else f"; allowed: {', '.join(names)}"
+            raise argparse.ArgumentError(action, f"found {value!r}{listed}{nearest(value, names)}")
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse everything, or name the option that is nearest to an unknown one."""
+        options, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            parser = self
+            for word in args or ():
+                parser = parser.commands.get(word, parser)
+            parser.error(f"found {unknown[0]!r}{nearest(unknown[0].partition('=')[0], parser.words)}")
+        return options
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line and end with the exit code of wrong usage."""

@@ -57,6 +57,7 @@ def add_executor(parser: Parser, default: str = "threads", about: str = "%(defau
         "--executor",
         default=default,
         metavar="NAME",
+        values="EXECUTOR",
         help="threads, processes, serial or dask://HOST:PORT, an address that you trust: what answers "
         f"there can run code here (default: {about})",
     )

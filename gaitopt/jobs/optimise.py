@@ -25,7 +25,7 @@ from gaitopt.optimise.stages import DEFAULT_METHOD, method_of
 from gaitopt.optimise.verification import Verified
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
-from gaitopt.runs.folder import JOURNAL_FILE
+from gaitopt.runs.folder import JOURNAL_FILE, REQUEST_FILE
 from gaitopt.runs.run_folder import SUMMARY_FILE, Reopened, RunFolder
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import check_searchable
@@ -248,6 +248,20 @@ def _write_page(
             else []
         )
         write_report(folder, problem, optimised, work.full, found)
+
+
+def check_no_run(reference: str) -> None:
+    """Check that a problem is not the folder of a run: who names it seldom wants another search of 600 gaits.
+
+    Raises:
+        GaitoptError: it is.
+    """
+    if (Path(reference) / REQUEST_FILE).is_file():
+        path = shlex.quote(reference)
+        raise GaitoptError(
+            f"{reference}: holds a run; --resume {path} goes on with it or prints its result; "
+            "--out DIR searches again for its robot"
+        )
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from gaitopt.core.errors import GaitoptError, bad_value
+from gaitopt.core.errors import GaitoptError, bad_value, nearest
 from gaitopt.core.files import found_inside, inside
 
 PROBLEM_FILE = "problem.toml"
@@ -43,9 +43,10 @@ def problem_file(reference: str) -> Path:
         return bundled / reference / PROBLEM_FILE
     if path.is_dir():
         raise GaitoptError(f"{path}: no {PROBLEM_FILE} in this folder")
+    names = bundled_names()
     raise GaitoptError(
         f"{reference}: no such problem; allowed: a folder with {PROBLEM_FILE}, a problem TOML, "
-        f"or one of {', '.join(bundled_names())}"
+        f"or one of {', '.join(names)}{nearest(reference, names)}"
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeVar
 
 import tomli_w
 
-from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
+from gaitopt.core.errors import GaitoptError, bad_value, nearest, unknown_name
 from gaitopt.core.files import found_inside, read_toml
 from gaitopt.core.validation import validated
 from gaitopt.effects.active import ActiveEffect, EffectValues, Tables, active_effects, as_tables, written
@@ -209,7 +209,7 @@ class Problem:
             known = ", ".join(self.baselines) or "none"
             raise GaitoptError(
                 f"{reference}: neither a baseline nor a gait file nor an exported table nor a run folder; "
-                f"baselines: {known}"
+                f"baselines: {known}{nearest(reference, self.baselines)}"
             )
         if path.suffix.lower() == ".csv" and not is_table(path):
             raise GaitoptError(

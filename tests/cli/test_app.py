@@ -31,7 +31,6 @@ def test_help_and_version(gaitopt: Run) -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
-        [],
         ["optimse", "arcfold"],
         ["optimise"],
         ["optimise", "arcfold", "--budget", "many"],
@@ -50,6 +49,51 @@ def test_wrong_usage_is_one_line_and_exit_2(gaitopt: Run, arguments: list[str]) 
     assert err.count("\n") == 1
     assert "--help" in err
     assert list(Path().iterdir()) == []
+
+
+@pytest.mark.parametrize("command", [(), ("blind",), ("campaign",)])
+def test_a_command_that_is_not_complete_shows_its_help(gaitopt: Run, command: tuple[str, ...]) -> None:
+    code, out, err = gaitopt(*command)
+    assert (code, err) == (0, "")
+    assert out.startswith(" ".join(("usage: gaitopt", *command)))
+    assert list(Path().iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (["optimse", "arcfold"], "optimise"),
+        (["campaign", "nwe"], "new"),
+        (["optimise", "arcfold", "--bugdet", "3"], "--budget"),
+        (["blind", "make", "arcfold", "--cases", "1", "--out", "x", "--gatis=trot"], "--gaits"),
+        (["export", "arcfold", "square-1s", "--format", "micropythn", "--out", "x"], "micropython"),
+        (["optimise", "arcfld"], "arcfold"),
+        (["simulate", "arcfold", "square-1"], "square-1s"),
+        (["optimise", "arcfold", "--method", "cmaes"], "cma-es"),
+        (["check", "arcfold", "--executor", "thraeds"], "threads"),
+    ],
+)
+def test_a_slip_of_the_finger_names_what_was_meant(gaitopt: Run, arguments: list[str], meant: str) -> None:
+    code, out, err = gaitopt(*arguments)
+    assert code in (1, 2)
+    assert out == ""
+    assert f"(nearest: '{meant}')" in err
+    assert err.count("\n") == 1
+    assert list(Path().iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["optimise", "optimize"])
+def test_no_search_begins_by_accident(gaitopt: Run, finished: Path, command: str) -> None:
+    """Nothing is searched without a problem, for the help, or for the robot of a run that was named."""
+    assert gaitopt(command)[0] == 2
+    assert gaitopt(command, "--help")[0] == 0
+    before = sorted(finished.rglob("*"))
+    code, out, err = gaitopt(command, finished)
+    assert (code, out) == (1, "")
+    assert f"--resume {finished}" in err
+    assert "--out DIR" in err
+    assert list(Path().iterdir()) == []
+    assert sorted(finished.rglob("*")) == before
 
 
 def test_an_unexpected_error_is_not_hidden(gaitopt: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,7 +29,7 @@ def add_options(parser: Parser) -> None:
     )
     about = "largest speed the player commands: off, servo (its own limit) or degrees/s (default: off)"
     add("--slew", metavar="SPEED", default="off", help=about)
-    add("--board", metavar="NAME", help="esp32 (the default), esp32-s3 or esp32-c3")
+    add("--board", metavar="NAME", values="BOARD", help="esp32 (the default), esp32-s3 or esp32-c3")
     add("--led-pin", type=int, metavar="N", help="GPIO that goes high at gait time 0")
     add("--samples", type=int, default=64, metavar="N", help="phase samples (default: 64)")
     add_json(parser)

@@ -31,7 +31,8 @@ def add_options(parser: Parser) -> None:
     add = parser.add_argument
     add("--budget", type=int, metavar="N", help="gaits to evaluate (default: 600)")
     add("--seed", type=int, metavar="S", help="seed of all randomness (default: 1)")
-    add("--method", metavar="NAME", help="default, or one solver alone, such as cma-es or nelder-mead")
+    about = "default, or one solver alone, such as cma-es or nelder-mead"
+    add("--method", metavar="NAME", values="METHOD", help=about)
     add("--warm-start", action=argparse.BooleanOptionalAction, default=None, help="start from planned gaits")
     about = "spend half of the budget on a front of speed against cost of transport"
     add("--pareto", action="store_const", const=True, help=about)
@@ -47,10 +48,12 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Search or continue a search, and print the result."""
     from gaitopt.cli.progress import search_display
-    from gaitopt.jobs.optimise import optimise
+    from gaitopt.jobs.optimise import check_no_run, optimise
     from gaitopt.jobs.outputs import NUMBERED, Stopped
 
     resumed = options.resume
+    if resumed is None and options.out is None:
+        check_no_run(options.problem)
     if resumed is not None and options.parameters:
         raise GaitoptError(f"--set: not with --resume, which takes it from {resumed}")
     try:
