@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from gaitopt.jobs.optimise import OptimiseRun, optimise
     from gaitopt.jobs.outputs import NUMBERED, Stopped
     from gaitopt.jobs.plan import plan
+    from gaitopt.jobs.runs import list_runs
     from gaitopt.jobs.simulate import Rollout, simulate
     from gaitopt.jobs.sweep import SweepRun, sweep
     from gaitopt.jobs.tags import TagSheets, tags
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from gaitopt.problem.problem import Problem, load_problem
     from gaitopt.robot.trajectory import Trajectory
     from gaitopt.robot.warnings import silence_warnings
+    from gaitopt.runs.listing import ListedRun
     from gaitopt.simulation.audit.finding import Finding
     from gaitopt.simulation.metrics import Metrics
 
@@ -68,6 +70,7 @@ __all__ = [
     "Gait",
     "GaitoptError",
     "ImportRun",
+    "ListedRun",
     "LoggedCommands",
     "MadeCases",
     "Metrics",
@@ -100,6 +103,7 @@ __all__ = [
     "film",
     "import_recordings",
     "list_effects",
+    "list_runs",
     "load_problem",
     "model",
     "optimise",
@@ -183,6 +187,7 @@ _HOMES = {
         "Stopped",
     ),
     "gaitopt.jobs.plan": ("plan",),
+    "gaitopt.jobs.runs": ("list_runs",),
     "gaitopt.jobs.simulate": (
         "Rollout",
         "simulate",
@@ -208,6 +213,7 @@ _HOMES = {
     ),
     "gaitopt.robot.trajectory": ("Trajectory",),
     "gaitopt.robot.warnings": ("silence_warnings",),
+    "gaitopt.runs.listing": ("ListedRun",),
     "gaitopt.simulation.audit.finding": ("Finding",),
     "gaitopt.simulation.metrics": ("Metrics",),
 }

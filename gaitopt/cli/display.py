@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from gaitopt.optimise.compare import ComparedGait
     from gaitopt.optimise.robots import OverRobots
     from gaitopt.optimise.sweep import SweptPoint
+    from gaitopt.runs.listing import ListedRun
     from gaitopt.runs.summary import Summary
 
 
@@ -62,22 +64,10 @@ def print_margins(summary: Summary) -> None:
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print rows as a table: a column each where they fit, else a line per key."""
+    """Print rows with names under the labels of their keys."""
     keys = [key for key in rows[0] if not key.startswith("scenario_")]
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    if len(keys) <= 8:
-        for key in keys:
-            table.add_column(_cell(label_of(key)), justify="left" if key == "name" else "right")
-        for row in rows:
-            table.add_row(*(_cell(shown(key, row[key])) for key in keys))
-    else:
-        table.add_column("")
-        for row in rows:
-            table.add_column(_cell(row["name"]), justify="right")
-        for key in keys:
-            if key != "name":
-                table.add_row(_cell(label_of(key)), *(_cell(shown(key, row[key])) for row in rows))
-    plain_console().print(table)
+    keys.sort(key=lambda key: key != "name")
+    print_table([label_of(key) for key in keys], [[shown(key, row[key]) for key in keys] for row in rows])
 
 
 def print_over_robots(rollout: Rollout, over: OverRobots) -> None:
@@ -109,13 +99,53 @@ def speed_over_robots(row: SweptPoint) -> dict[str, object]:
 
 
 def print_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print rows of texts under a head of one or more lines; the first column holds names."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for index, title in enumerate(head):
-        table.add_column(_cell(*title.split("\n")), justify="right" if index else "left")
+    """Print rows of texts under a head of one or more lines; the first column holds names.
+
+    A table that is wider than the terminal is turned, if it fits then: a line for each column, and as many
+    rows side by side as there is place for.
+    """
+    console = plain_console()
+    turned = _turned([" ".join(title.split("\n")) for title in head], rows, console.width)
+    for titles, lines in [(head, rows)] if _width(head, rows) <= console.width or not turned else turned:
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+        for index, title in enumerate(titles):
+            table.add_column(_cell(*title.split("\n")), justify="right" if index else "left")
+        for line in lines:
+            table.add_row(*map(_cell, line))
+        console.print(table)
+
+
+_Titled = tuple[Sequence[str], Sequence[Sequence[str]]]
+"""A table: its head and its rows."""
+
+
+def _turned(head: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[_Titled]:
+    """Return a table with its rows as columns, as several tables if need be; none where one is too wide."""
+    tables: list[_Titled] = []
+    side_by_side: list[Sequence[str]] = []
     for row in rows:
-        table.add_row(*map(_cell, row))
-    plain_console().print(table)
+        wider = [*side_by_side, row]
+        if side_by_side and _width(*_columns(head, wider)) > width:
+            tables.append(_columns(head, side_by_side))
+            wider = [row]
+        side_by_side = wider
+    tables.append(_columns(head, side_by_side))
+    return tables if all(_width(*table) <= width for table in tables) else []
+
+
+def _columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> _Titled:
+    """Return rows as columns; the first cell of each is its title."""
+    names, *lines = zip(head, *rows, strict=True)
+    return ("", *names[1:]), lines
+
+
+def _width(head: Sequence[str], rows: Sequence[Sequence[str]]) -> int:
+    """Return how wide a table is where no cell is broken: an edge, and three spaces between columns."""
+    columns = zip(
+        [title.split("\n") for title in head], *([[cell] for cell in row] for row in rows), strict=True
+    )
+    widest = [max(cell_len(plain(line)) for lines in column for line in lines) for column in columns]
+    return sum(widest) + 3 * len(widest) - 1
 
 
 def _cell(*lines: object) -> Text:
@@ -167,3 +197,19 @@ def _effect_figures(row: EffectRow) -> str:
     target = f"; target: {row.target}" if row.target else ""
     neutral = f"{row.neutral:.4g}" if isinstance(row.neutral, float) else row.neutral
     return f"{row.parameter}{unit}: neutral {neutral}, plausible {low:.3g} to {high:.3g}{times}{target}"
+
+
+def print_runs(runs: Sequence[ListedRun]) -> None:
+    """Print run folders, the latest last."""
+    if not runs:
+        say("no runs here or in results/runs; gaitopt runs DIR looks elsewhere")
+        return
+    rows = []
+    for run in runs:
+        best = None if run.summary is None else run.summary.best
+        speed = "-" if best is None or not isfinite(best.speed_m_s) else f"{1e3 * best.speed_m_s:.1f}"
+        rows.append([str(run.folder), run.problem, speed, f"{run.changed:%Y-%m-%d %H:%M}", run.state])
+    print_table(["run", "problem", "speed [mm/s]", "date", "state"], rows)
+    for run in runs:
+        if run.note:
+            say(f"{run.folder}: {run.note}")

@@ -83,3 +83,30 @@ def noise_sd(series: NDArray[np.float64], order: int) -> float:
         It, in the series' unit; NaN where no samples follow one another.
     """
     return robust_sd(np.diff(series, order)) / math.sqrt(math.comb(2 * order, order))
+
+
+def explained_by_groups(values: NDArray[np.float64], outcomes: NDArray[np.float64], groups: int) -> float:
+    """Return the share of the variance of outcomes that a value explains by itself (epsilon squared).
+
+    The values are divided into groups of about equal numbers, so the dependence may have any shape. What
+    chance alone is expected to explain is subtracted (Kelley 1935, PNAS 21: 554).
+
+    Args:
+        values: the values, shape (n,).
+        outcomes: what may depend on them, shape (n,), n more than `groups`.
+        groups: number of groups, at most.
+
+    Returns:
+        A share from 0 to 1.
+    """
+    edges = np.quantile(values, np.linspace(0.0, 1.0, groups + 1)[1:-1])
+    _, group = np.unique(np.searchsorted(edges, values, side="right"), return_inverse=True)
+    counts = np.bincount(group)
+    means = np.bincount(group, outcomes) / counts
+    total = float(((outcomes - outcomes.mean()) ** 2).sum())
+    within = float(((outcomes - means[group]) ** 2).sum())
+    free = len(outcomes) - len(counts)
+    if total <= 0.0 or len(counts) < 2 or free <= 0:
+        return 0.0
+    by_chance = (len(counts) - 1) * within / free
+    return max(0.0, (total - within - by_chance) / total)

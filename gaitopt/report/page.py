@@ -41,6 +41,7 @@ class Table:
         note: what to know when reading it.
         mark_first: whether the first row is the one that matters.
         words: columns that hold words, which may wrap, rather than figures.
+        links: addresses that the first cells lead to, one for each row; empty texts for none.
     """
 
     head: Sequence[str]
@@ -48,6 +49,7 @@ class Table:
     note: str = ""
     mark_first: bool = False
     words: Sequence[int] = ()
+    links: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,7 @@ class Page:
         tiles: the most important figures, each with its meaning.
         notes: what else the reader must know.
         sections: the parts in order.
+        has_figures: whether ``figures/`` beside it has the figures for print.
     """
 
     title: str
@@ -114,6 +117,7 @@ class Page:
     tiles: Sequence[tuple[str, str]] = ()
     notes: Sequence[str] = ()
     sections: Sequence[Section] = ()
+    has_figures: bool = True
 
     def html(self) -> str:
         """Return the page."""

@@ -42,6 +42,29 @@ class FolderLock:
             file.close()
 
 
+def is_held(folder: Path) -> bool:
+    """Whether a run is working in a folder; what the system cannot say counts as no.
+
+    Raises:
+        GaitoptError: the lock is no plain file.
+    """
+    if sys.platform == "win32":
+        return (folder / LOCK_FILE).exists()
+    import fcntl
+
+    try:
+        descriptor = open_own(folder / LOCK_FILE, os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
 def _locked(path: Path) -> BinaryIO:
     """Return the open and locked file."""
     file: BinaryIO | None = None

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gaitopt.core.statistics import NORMAL_95, half_width90, interval90, noise_sd, robust_sd
+from gaitopt.core.statistics import (
+    NORMAL_95,
+    explained_by_groups,
+    half_width90,
+    interval90,
+    noise_sd,
+    robust_sd,
+)
 
 
 def test_the_interval_is_scipys() -> None:
@@ -53,3 +60,18 @@ def test_the_noise_of_a_series_is_found_beside_its_motion_and_gaps(order: int) -
     series[100:200] = np.nan
     assert noise_sd(series, order) == pytest.approx(0.01, rel=0.1)
     assert math.isnan(noise_sd(series[:order], order))
+
+
+def test_what_a_value_explains_may_have_any_shape_and_chance_explains_nothing() -> None:
+    random = np.random.default_rng(2)
+    values, noise = random.random(4000), random.normal(size=4000)
+    bent = (values - 0.5) ** 2  # no correlation
+    assert explained_by_groups(values, bent / bent.std(), 8) > 0.9
+    assert explained_by_groups(values, bent / bent.std() + noise, 8) == pytest.approx(0.48, abs=0.05)
+    alone = [explained_by_groups(random.random(50), random.normal(size=50), 8) for _ in range(400)]
+    assert np.mean(alone) < 0.05
+
+
+def test_a_value_that_never_changes_explains_nothing() -> None:
+    assert explained_by_groups(np.ones(50), np.arange(50.0), 8) == 0.0
+    assert explained_by_groups(np.arange(50.0), np.ones(50), 8) == 0.0

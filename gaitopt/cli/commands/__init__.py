@@ -23,6 +23,7 @@ from gaitopt.cli.commands import (
     new,
     optimise,
     plan,
+    runs,
     simulate,
     sweep,
     tags,
@@ -31,6 +32,7 @@ from gaitopt.cli.commands import (
 
 COMMANDS: Sequence[Command] = (
     optimise.COMMAND,
+    runs.COMMAND,
     plan.COMMAND,
     simulate.COMMAND,
     sweep.COMMAND,
