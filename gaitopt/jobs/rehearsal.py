@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,9 +50,9 @@ class Camera:
         back_deg: how far it stands back from straight beside the robot, degrees.
     """
 
-    distance_m: float = 0.5
-    height_deg: float = 28.0
-    back_deg: float = 15.0
+    distance_m: float
+    height_deg: float
+    back_deg: float
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class RehearsalOptions:
         seed: seed of noise and shake.
     """
 
-    camera: Camera = field(default_factory=Camera)
+    camera: Camera
     fps: float = 30.0
     seconds: float | None = None
     hand: bool = False
@@ -119,7 +119,7 @@ def rehearse(
     problem: Problem,
     gait: str,
     out: Path | str,
-    options: RehearsalOptions | None = None,
+    options: RehearsalOptions,
     on_progress: OnProgress = silent,
 ) -> Rehearsal:
     """Film a tagged robot with a synthetic phone, and track the film.
@@ -141,7 +141,7 @@ def rehearse(
     from gaitopt.report.film.phone import Phone, shot
     from gaitopt.report.film.stage import stage_of, truth, walk
 
-    options, path = options or RehearsalOptions(), Path(out)
+    path = Path(out)
     _check(options, path)
     if options.size_mm is not None:
         tags = {

@@ -91,7 +91,7 @@ def cases() -> Iterator[Case]:
 
 
 def stand(distance: float) -> Stand:
-    """A place in front of the robot, to its right, and above it."""
+    """A place in front of the robot, to its right, and above it: as low as people put a phone on a table."""
     high, side = math.radians(28.0), math.radians(15.0)
     level = distance * math.cos(high)
     place = (0.12 - level * math.sin(side), -0.04 - level * math.cos(side), 0.02 + distance * math.sin(high))

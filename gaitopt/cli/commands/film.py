@@ -9,6 +9,9 @@ from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import add_gait, add_json, add_problem, add_quiet, add_seed, problem_of
 
+_USUAL = (0.5, 45.0, 15.0)
+"""Place of the camera; see `--camera`. High, as angles of a tag that is seen straight on are known worst."""
+
 
 def add_options(parser: Parser) -> None:
     """Add the options."""
@@ -19,10 +22,10 @@ def add_options(parser: Parser) -> None:
     add(
         "--camera",
         type=_camera,
-        default=(0.5, 28.0, 15.0),
+        default=_USUAL,
         metavar="M[,HEIGHT[,BACK]]",
         help="distance from the tags, m; height above the floor and how far back it stands, degrees "
-        "(default: 0.5,28,15)",
+        f"(default: {','.join(f'{part:g}' for part in _USUAL)})",
     )
     add("--fps", type=float, default=30.0, metavar="N", help="frames a second (default: %(default)g)")
     add("--seconds", type=float, metavar="S", help="length (default: half a second of rest and a cycle)")
@@ -34,14 +37,13 @@ def add_options(parser: Parser) -> None:
 
 
 def _camera(text: str) -> tuple[float, float, float]:
-    usual = (0.5, 28.0, 15.0)
     try:
         given = tuple(float(part) for part in text.split(","))
     except ValueError:
         given = ()
     if not 1 <= len(given) <= 3:
         raise argparse.ArgumentTypeError(f"found {text!r}; allowed: M, M,HEIGHT or M,HEIGHT,BACK")
-    distance, height, back = (*given, *usual[len(given) :])
+    distance, height, back = (*given, *_USUAL[len(given) :])
     return distance, height, back
 
 
