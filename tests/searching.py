@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from gaitopt.core.json import to_json
+from gaitopt.core.progress import Progress
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.journal import Journal
-from gaitopt.optimise.recorder import SearchProgress
 from gaitopt.optimise.run import Optimised, Request, optimise
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.summary import Summary
@@ -19,10 +19,10 @@ def run(
     request: Request,
     workers: int = 1,
     executor: str = "threads",
-    progress: list[SearchProgress] | None = None,
+    progress: list[Progress] | None = None,
 ) -> Optimised:
     """Run the main job with its journal at `path`."""
-    seen: list[SearchProgress] = [] if progress is None else progress
+    seen: list[Progress] = [] if progress is None else progress
     with open_executor(executor, workers) as pool:
         return optimise(problem, request, Journal(path, problem), pool, seen.append)
 

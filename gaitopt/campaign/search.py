@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gaitopt.campaign.robots import evaluator_on, judged_by_shares, own_scenarios
 from gaitopt.campaign.settings import CampaignSettings
-from gaitopt.core.progress import OnProgress, Progress
+from gaitopt.core.progress import OnProgress
 from gaitopt.core.streams import Stream, generator
 from gaitopt.core.versions import versions_text
 from gaitopt.effects.active import EffectValues
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
-from gaitopt.optimise.recorder import SearchProgress
 from gaitopt.optimise.stages import DEFAULT_METHOD
 from gaitopt.optimise.study import Start, Study
 from gaitopt.optimise.verification import evenly
@@ -84,7 +83,7 @@ class Search:
         starts: Sequence[Gait],
         number: int,
         executor: Executor,
-        on_progress: Callable[[SearchProgress], None],
+        on_progress: OnProgress,
     ) -> list[Entry]:
         """Search for robots from known gaits, and return every evaluation."""
         evaluator = evaluator_on(problem, scenarios, executor, problem.objective.search_margin)
@@ -106,5 +105,5 @@ def _distinct(entries: Sequence[Entry], count: int) -> list[Gait]:
     return list({one.gait.key: one.gait for one in good[: 4 * count]}.values())[:count]
 
 
-def _stage(on_progress: OnProgress, stage: str) -> Callable[[SearchProgress], None]:
-    return lambda step: on_progress(Progress(stage, step.done, step.total, "gaits"))
+def _stage(on_progress: OnProgress, stage: str) -> OnProgress:
+    return lambda step: on_progress(replace(step, stage=stage))

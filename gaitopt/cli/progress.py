@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
-    ProgressColumn,
     TextColumn,
-    TimeElapsedColumn,
     TimeRemainingColumn,
 )
 from rich.progress import Progress as Bar
@@ -20,7 +18,8 @@ from gaitopt.cli.display import plain_console
 from gaitopt.cli.lines import say_aside
 from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.core.text import plain
-from gaitopt.optimise.recorder import OnSearchProgress, SearchProgress
+from gaitopt.optimise.journal import Entry
+from gaitopt.optimise.recorder import SearchProgress
 
 _PLAIN_EVERY_S = 10.0
 """Seconds between lines where there is no terminal."""
@@ -32,133 +31,87 @@ def show_checks(step: Progress) -> None:
 
 
 @contextmanager
-def search_display(quiet: bool) -> Iterator[OnSearchProgress]:
-    """Yield the function that a search calls with its progress."""
-    console = plain_console(stderr=True)
-    if quiet:
-        yield silent
-    elif console.is_terminal:
-        columns = (
-            _words("{task.fields[method]}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            _words("best {task.fields[best]}"),
-            _words("{task.fields[simulated]:.0f} s simulated"),
-            TimeRemainingColumn(),
-        )
-        with Bar(*columns, console=console) as bar:
-            task = bar.add_task("search", total=None, method="baselines", best="-", simulated=0.0)
+def display(quiet: bool) -> Iterator[OnProgress]:
+    """Yield the function that a job calls with its progress: it shows a bar on a terminal, or lines.
 
-            def show(progress: SearchProgress) -> None:
-                done = progress.done >= progress.total
-                bar.update(
-                    task,
-                    completed=progress.done,
-                    total=progress.total,
-                    method="verification" if done else plain(progress.stage),
-                    best=_best(progress),
-                    simulated=progress.simulated_s,
-                )
-
-            yield show
-    else:
-        yield _plain_lines()
-
-
-def _plain_lines() -> OnSearchProgress:
-    began = time.monotonic()
-    last, resumed = began - _PLAIN_EVERY_S, -1
-
-    def show(progress: SearchProgress) -> None:
-        nonlocal last, resumed
-        now = time.monotonic()
-        resumed = progress.done if resumed < 0 else resumed
-        if now - last >= _PLAIN_EVERY_S or progress.done >= progress.total:
-            last = now
-            say_aside(
-                f"{progress.done}/{progress.total} gaits, {progress.stage}, best {_best(progress)}, "
-                f"{progress.simulated_s:.0f} s simulated{_time_left(progress, resumed, now - began)}"
-            )
-
-    return show
-
-
-def _time_left(progress: SearchProgress, resumed: int, spent_s: float) -> str:
-    """Return how long the rest of the search takes at the pace so far, in words; else nothing."""
-    done, left = progress.done - resumed, progress.total - progress.done
-    return f", about {spent_s * left / done:.0f} s left" if done > 0 and left > 0 else ""
-
-
-def _best(progress: SearchProgress) -> str:
-    if progress.best is None:
-        return "-"
-    return f"{1e3 * progress.best.evaluation.metrics['speed_m_s']:.1f} mm/s"
-
-
-def _words(text: str) -> TextColumn:
-    """Return a column of words, in which no markup is read."""
-    return TextColumn(text, markup=False)
-
-
-def steps_display(quiet: bool) -> AbstractContextManager[OnProgress]:
-    """Yield the function that a diagnosis calls with its progress, the number of simulated robots."""
-    return _display(quiet, "robots", TimeElapsedColumn(), _stage_lines)
-
-
-def frames_display(quiet: bool) -> AbstractContextManager[OnProgress]:
-    """Yield the function that the tracking of films calls with its progress, the number of pictures."""
-    return _display(quiet, "frames", TimeRemainingColumn(), _film_lines)
-
-
-@contextmanager
-def _display(
-    quiet: bool, unit: str, clock: ProgressColumn, lines: Callable[[], OnProgress]
-) -> Iterator[OnProgress]:
-    """Yield the function that a job calls with its progress.
-
-    Args:
-        quiet: whether nothing is printed.
-        unit: what is counted, in words.
-        clock: the last column of the bar on a terminal.
-        lines: makes what prints lines where there is no terminal.
+    Each stage has its number, what is done of all that there is to do, and the time left at its pace so far.
     """
     console = plain_console(stderr=True)
     if quiet:
         yield silent
     elif console.is_terminal:
-        columns = (_words("{task.description}"), BarColumn(), MofNCompleteColumn(), _words(unit))
-        with Bar(*columns, clock, console=console) as bar:
-            task = bar.add_task("", total=None)
-            yield lambda step: bar.update(
-                task, description=plain(step.stage), completed=step.done, total=step.total
-            )
+        columns = (
+            _words("{task.fields[stage]}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            _words("{task.fields[unit]}"),
+            TimeRemainingColumn(),
+        )
+        with Bar(*columns, console=console) as bar:
+            yield _bar(bar)
     else:
-        yield lines()
+        yield _lines()
 
 
-def _stage_lines() -> OnProgress:
-    said: set[str] = set()
+def _bar(bar: Bar) -> OnProgress:
+    task, shown = bar.add_task("", total=None, stage="", unit=""), ""
 
     def show(step: Progress) -> None:
-        if step.stage not in said:
-            said.add(step.stage)
-            say_aside(f"{step.stage} …")
+        nonlocal shown
+        if step.stage != shown:
+            shown = step.stage
+            bar.reset(task)
+        unit = ", ".join(filter(None, (step.unit, _more(step))))
+        bar.update(task, completed=step.done, total=step.total, stage=_heading(step), unit=plain(unit))
 
     return show
 
 
-def _film_lines() -> OnProgress:
+def _lines() -> OnProgress:
     began = last = time.monotonic()
-    stage = ""
+    stage, resumed = "", 0
 
     def show(step: Progress) -> None:
-        nonlocal began, last, stage
+        nonlocal began, last, stage, resumed
         now = time.monotonic()
         if step.stage != stage:
-            stage, began = step.stage, now
-        if now - last >= _PLAIN_EVERY_S and step.total:
+            stage, began, resumed = step.stage, now, step.done
+            say_aside(f"{_heading(step)} …")
+        ended = step.total is not None and step.done >= step.total
+        if step.done and (now - last >= _PLAIN_EVERY_S or (ended and _more(step))):
             last = now
-            left = (now - began) * (step.total - step.done) / max(step.done, 1)
-            say_aside(f"{step.stage}: {step.done}/{step.total} {step.unit}, about {left:.0f} s left")
+            counted = f"{step.done}{'' if step.total is None else f'/{step.total}'} {step.unit}"
+            left = _time_left(step, resumed, now - began)
+            say_aside(", ".join(filter(None, (f"{step.stage}: {counted}", _more(step)))) + left)
 
     return show
+
+
+def _heading(step: Progress) -> str:
+    """Return the name of a stage, with its number where stages are counted."""
+    return plain(f"{step.number}/{step.stages} {step.stage}" if step.number else step.stage)
+
+
+def _time_left(step: Progress, resumed: int, spent_s: float) -> str:
+    """Return how long the rest of a stage takes at the pace so far, in words; else nothing."""
+    done, left = step.done - resumed, (step.total or 0) - step.done
+    return f", about {spent_s * left / done:.0f} s left" if done > 0 and left > 0 else ""
+
+
+def _more(step: Progress) -> str:
+    """Return what a search has found so far; nothing of other stages."""
+    if not isinstance(step, SearchProgress):
+        return ""
+    best = f"best {_speed(step.best)}"
+    if step.best_lower is not None:
+        best += f" ({_speed(step.best_lower)} at a lower fidelity)"
+    return f"{step.method}, {best}, {step.simulated_s:.0f} s simulated"
+
+
+def _speed(entry: Entry | None) -> str:
+    return "-" if entry is None else f"{1e3 * entry.evaluation.metrics['speed_m_s']:.1f} mm/s"
+
+
+def _words(text: str) -> TextColumn:
+    """Return a column of words, in which no markup is read."""
+    return TextColumn(text, markup=False)

@@ -11,10 +11,10 @@ from functools import cached_property
 import numpy as np
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.core.progress import OnProgress, Progress, numbered, silent
 from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
-from gaitopt.diagnose.fit.runner import Runner
+from gaitopt.diagnose.fit.runner import FINISHING, FITTING, FITTING_PAIRS, FITTING_SETS, Runner
 from gaitopt.diagnose.gap.align import align, pooled_angle_rms, pooled_marker_rms
 from gaitopt.diagnose.gap.floor import marker_floor, measure_floors
 from gaitopt.diagnose.gap.leftover import top_speeds
@@ -273,6 +273,14 @@ class Diagnosis:
         }
 
 
+_FLOOR, _PREDICTING, _NEXT = "measuring the floor", "predicting gaits", "looking for what to measure next"
+_STAGES = {
+    False: (_FLOOR, FITTING, FINISHING, FITTING_PAIRS, _PREDICTING),
+    True: (_FLOOR, FITTING_SETS, _PREDICTING),
+}
+"""Names of the stages, without and with logged commands; what is not needed is skipped."""
+
+
 def diagnose(
     simulator: Simulator,
     dataset: DataSet,
@@ -298,34 +306,35 @@ def diagnose(
         requested effects can be tried.
     """
     tried = _hypotheses(simulator, dataset, request.effects)
-    on_progress(Progress("measuring the floor", unit="robots"))
+    logged = any(trial.has_log for trial in dataset.trials)
+    on_progress = numbered(on_progress, [*_STAGES[logged], *([_NEXT] if request.next_gait else [])])
+    on_progress(Progress(_FLOOR))
     located = locate(simulator, dataset, executor, request.seed, settings.gap)
     parts = [trial.aligned for trial in located.fitting], [trial.floors for trial in located.fitting]
     angles = located.located_gap_angles
     gap = NominalGap(simulator, *parts, located.located_gap.floor, angles.floor if angles else None)
     context = Context(Runner(executor, on_progress, cache), request.seed, settings)
     found = find_causes(gap, tried, context)
-    on_progress(Progress("predicting gaits", found.n_robots, unit="robots"))
+    on_progress(Progress(_PREDICTING))
     robots = draw_robots(found, request.seed)
     expected = predictions(found, robots, executor, request.seed)
     names = tuple(dict.fromkeys(one.effect.name for one in tried)) if found.candidates else ()
     located = replace(located, robots=robots, predictions=expected, tried=names)
     if found.verdict == "no_gap" or not request.next_gait:
         return replace(located, found=found)
-    experiment = _next_experiment(simulator, located, found, context, on_progress)
+    on_progress(Progress(_NEXT))
+    experiment = _next_experiment(simulator, located, found, context)
     return replace(located, found=found, experiment=experiment)
 
 
 def _next_experiment(
-    simulator: Simulator, located: Diagnosis, found: Causes, context: Context, on_progress: OnProgress
+    simulator: Simulator, located: Diagnosis, found: Causes, context: Context
 ) -> Experiment | CommandExperiment | None:
     """Return what to measure next: a gait, or commands where commands were logged."""
     drives = {trial.aligned.trial.drive.name: trial.aligned.trial.drive for trial in located.trials}
     signals = list(dict.fromkeys(name for trial in located.trials for name in trial.floors))
     if found.judgement.sets is None:
-        on_progress(Progress("looking for the next gait", found.n_robots, unit="robots"))
         return propose(simulator, found, list(drives.values()), signals, context)
-    on_progress(Progress("looking for the next commands", found.n_robots, unit="robots"))
     noises = {
         name: max(trial.floors[name].noise for trial in located.trials if name in trial.floors)
         for name in signals

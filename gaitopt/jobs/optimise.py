@@ -11,20 +11,20 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.progress import silent
+from gaitopt.core.progress import OnProgress, numbered, silent
 from gaitopt.gait.gait import BEST_FILE
 from gaitopt.jobs.executor import check_executor, opened
 from gaitopt.jobs.inputs import checked_seed, over_posterior
 from gaitopt.jobs.outputs import Out, Stopped, out_folder
 from gaitopt.optimise import run as search
 from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
-from gaitopt.optimise.recorder import OnSearchProgress
 from gaitopt.optimise.run import DEFAULT_BUDGET, Optimised, Request
-from gaitopt.optimise.sensitivity import sensitivities
+from gaitopt.optimise.sensitivity import SENSITIVITIES, sensitivities
 from gaitopt.optimise.stages import DEFAULT_METHOD, method_of
 from gaitopt.optimise.verification import Verified
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
+from gaitopt.report.settings import FILM, PAGE
 from gaitopt.runs.folder import JOURNAL_FILE, REQUEST_FILE
 from gaitopt.runs.run_folder import SUMMARY_FILE, Reopened, RunFolder
 from gaitopt.runs.summary import Summary
@@ -122,14 +122,20 @@ class _Work:
         full: whether the report has a film.
         sensitivities: whether it has the sensitivities of the best gait.
         executor, workers: where rollouts run; see `opened`.
-        on_progress: called as each batch of gaits ends.
+        on_progress: called as each stage begins, and as each batch or rollout of it ends.
     """
 
     full: bool
     sensitivities: bool
     executor: Executor | str
     workers: int | None
-    on_progress: OnSearchProgress
+    on_progress: OnProgress
+
+    def numbered(self, request: Request) -> OnProgress:
+        """Return what tells progress with the number of each stage of a run in a folder."""
+        pages = [(SENSITIVITIES, self.sensitivities), (FILM, self.full), (PAGE, True)]
+        stages = (*search.stages_of(request), *(name for name, wanted in pages if wanted))
+        return numbered(self.on_progress, stages)
 
 
 def optimise(
@@ -147,7 +153,7 @@ def optimise(
     out: Out = None,
     posterior: Path | str | None = None,
     resume: Path | str | None = None,
-    on_progress: OnSearchProgress = silent,
+    on_progress: OnProgress = silent,
 ) -> OptimiseRun:
     """Search for the best gait of a problem, and verify it and the hand-tuned ones.
 
@@ -172,7 +178,7 @@ def optimise(
             winner is good for what is still unknown.
         resume: the folder of an interrupted run to continue, with the bits of an uninterrupted one. A
             finished run without its page gets the page, without another search.
-        on_progress: called as each batch of gaits ends.
+        on_progress: called as each stage begins, and as each batch or rollout of it ends.
 
     Raises:
         GaitoptError: the request or the objective is wrong, every gait failed, the folder is in use, or
@@ -200,7 +206,8 @@ def _in_memory(problem: Problem, request: Request, work: _Work) -> OptimiseRun:
     with TemporaryDirectory() as name:
         journal = Journal(Path(name) / JOURNAL_FILE, problem)
         with opened(work.executor, work.workers) as pool:
-            optimised = search.optimise(problem, request, journal, pool, work.on_progress)
+            told = numbered(work.on_progress, search.stages_of(request))
+            optimised = search.optimise(problem, request, journal, pool, told)
     return OptimiseRun(Summary.of(problem, optimised), None, optimised)
 
 
@@ -222,14 +229,20 @@ def _in_folder(run: Reopened, work: _Work) -> OptimiseRun:
                 f"{finished.evaluations}, as in {SUMMARY_FILE}, to write the page again"
             )
         with opened(work.executor, work.workers) as pool:
-            optimised = search.optimise(problem, run.request, journal, pool, work.on_progress)
+            told = work.numbered(run.request)
+            optimised = search.optimise(problem, run.request, journal, pool, told)
             summary = finished or folder.write_results(problem, optimised)
-            _write_page(folder, problem, optimised, work, pool)
+            _write_page(folder, problem, optimised, work, pool, told)
         return OptimiseRun(summary, folder.path, optimised)
 
 
 def _write_page(
-    folder: RunFolder, problem: Problem, optimised: Optimised, work: _Work, pool: Executor
+    folder: RunFolder,
+    problem: Problem,
+    optimised: Optimised,
+    work: _Work,
+    pool: Executor,
+    on_progress: OnProgress,
 ) -> None:
     """Write the page of a finished search.
 
@@ -243,11 +256,11 @@ def _write_page(
     again = f"gaitopt optimise {path} --resume {path}"
     with after_results(folder.path, f"{BEST_FILE} and {SUMMARY_FILE}", again):
         found = (
-            sensitivities(problem, optimised.best.gait, optimised.request.seed, pool)
+            sensitivities(problem, optimised.best.gait, optimised.request.seed, pool, on_progress=on_progress)
             if work.sensitivities
             else []
         )
-        write_report(folder, problem, optimised, work.full, found)
+        write_report(folder, problem, optimised, work.full, found, on_progress)
 
 
 def check_no_run(reference: str) -> None:

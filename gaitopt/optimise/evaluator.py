@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError, Executor
 from dataclasses import dataclass, replace
 
@@ -66,15 +66,32 @@ def assess(setup: RobotSetup, drive: Drive, scenario: int) -> Outcome:
     return Outcome(metrics, trajectory.status, ready.simulator.duration(drive))
 
 
-def assess_all(work: Iterable[tuple[RobotSetup, Drive, int]], executor: Executor) -> list[Outcome]:
+def _nothing() -> None:
+    """Tell nobody."""
+
+
+def assess_all(
+    work: Iterable[tuple[RobotSetup, Drive, int]],
+    executor: Executor,
+    on_done: Callable[[], object] = _nothing,
+) -> list[Outcome]:
     """Return the outcome of each setup, gait and scenario, in the given order.
+
+    Args:
+        work: the setups, gaits and scenarios.
+        executor: where they are simulated.
+        on_done: called after each.
 
     Raises:
         GaitoptError: the connection to the executor's workers was lost.
     """
     try:
         futures = [executor.submit(assess, setup, drive, scenario) for setup, drive, scenario in work]
-        return [future.result() for future in futures]
+        outcomes = []
+        for future in futures:
+            outcomes.append(future.result())
+            on_done()
+        return outcomes
     except CancelledError:
         raise GaitoptError("--executor: the connection to its workers was lost") from None
 
@@ -88,12 +105,14 @@ class Evaluator:
         executor: where the rollouts run.
         margin: share by which every limit is tightened (see `Objective.search_margin`).
         raced_on: share of a population that `race` simulates in every scenario.
+        on_done: called after each gait in each scenario.
     """
 
     setup: RobotSetup
     executor: Executor
     margin: float = 0.0
     raced_on: float = RACED_ON
+    on_done: Callable[[], object] = _nothing
 
     def outcomes(self, gaits: Sequence[Gait], scenarios: Sequence[int] | None = None) -> list[list[Outcome]]:
         """Return the outcome of each gait in each scenario, in the given order.
@@ -107,7 +126,7 @@ class Evaluator:
         """
         scenarios = range(len(self.setup.scenarios)) if scenarios is None else scenarios
         work = [(self.setup, gait, scenario) for gait in gaits for scenario in scenarios]
-        done = iter(assess_all(work, self.executor))
+        done = iter(assess_all(work, self.executor, self.on_done))
         return [[next(done) for _ in scenarios] for _ in gaits]
 
     def __call__(self, gaits: Sequence[Gait]) -> list[Evaluated]:

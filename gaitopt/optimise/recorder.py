@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.core.progress import Progress, silent
+from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.optimise.evaluator import Evaluated
@@ -18,21 +18,26 @@ from gaitopt.optimise.replay import Replay
 
 @dataclass(frozen=True)
 class SearchProgress(Progress):
-    """A step of a search; its stage is the method that proposed the last gaits.
+    """A step of the search itself.
 
     Attributes:
         total: the budget.
-        best: the best gait so far.
+        method: who proposed the last gaits.
+        best: the best gait so far at the working fidelity.
+        best_lower: the best one on the lower rung of the fidelity ladder that the search is on; None where it
+            is at the working fidelity.
         simulated_s: simulated seconds so far.
     """
 
     total: int = 0
+    method: str = ""
     best: Entry | None = None
+    best_lower: Entry | None = None
     simulated_s: float = 0.0
 
 
-OnSearchProgress = Callable[[SearchProgress], None]
-"""Called as each batch ends."""
+SEARCH = "search"
+"""Name of the stage."""
 
 Judge = Callable[[Sequence[Gait]], list[Evaluated]]
 """Judges gaits: an `Evaluator`, or its race."""
@@ -45,9 +50,7 @@ class Recorder:
         entries: the evaluations so far, in order.
     """
 
-    def __init__(
-        self, journal: Journal, space: GaitSpace, budget: int, on_progress: OnSearchProgress = silent
-    ):
+    def __init__(self, journal: Journal, space: GaitSpace, budget: int, on_progress: OnProgress = silent):
         self.entries: list[Entry] = []
         self._journal = journal
         self._replay = Replay(journal)
@@ -85,7 +88,16 @@ class Recorder:
         self.entries += batch
         simulated = sum(entry.simulated_s for entry in self.entries)
         self._on_progress(
-            SearchProgress(method, len(self.entries), self._budget, "gaits", self.best, simulated)
+            SearchProgress(
+                SEARCH,
+                len(self.entries),
+                self._budget,
+                "gaits",
+                method=method,
+                best=self.best,
+                best_lower=None if rung == WORKING else ranked(at_rung(self.entries, rung))[0],
+                simulated_s=simulated,
+            )
         )
         return np.array([entry.evaluation.cost for entry in batch])
 

@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 from gaitopt.core.errors import bad_value
-from gaitopt.core.progress import silent
+from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise import settings as defaults
@@ -24,12 +24,20 @@ from gaitopt.optimise.notes import (
     warnings_of,
 )
 from gaitopt.optimise.pareto import FrontGait, front_of, thinned, verified_front
-from gaitopt.optimise.recorder import OnSearchProgress
-from gaitopt.optimise.selection import finalists, select
+from gaitopt.optimise.recorder import SEARCH
+from gaitopt.optimise.selection import SELECTION, finalists, select
 from gaitopt.optimise.settings import SearchSettings
 from gaitopt.optimise.stages import DEFAULT_METHOD, method_names, method_of
 from gaitopt.optimise.study import Start, Study
-from gaitopt.optimise.verification import Convergence, Verified, convergence, scenarios_of, verify
+from gaitopt.optimise.verification import (
+    TIMESTEP,
+    VERIFICATION,
+    Convergence,
+    Verified,
+    convergence,
+    scenarios_of,
+    verify,
+)
 from gaitopt.optimise.warm_start import Planned, WarmStart, best_elite, correlation, planned
 from gaitopt.plan.plan import Elite, Plan
 from gaitopt.problem.problem import Problem
@@ -42,6 +50,16 @@ DEFAULT_BUDGET = 600
 
 LARGEST_BUDGET = 10**7
 """A larger budget in a run folder is refused, gaits: a hundred gaits a second would take over a day."""
+
+
+_HAND_TUNED, _PLAN, _CHECK, _FRONT = "hand-tuned gaits", "plan", "check of the best gait", "front"
+_RANKS = "ranks of planned speeds"
+
+
+def stages_of(request: Request) -> tuple[str, ...]:
+    """Return the names of the stages of a search, in order; a cold search skips those of its plan."""
+    front = (_FRONT,) if request.pareto else ()
+    return (_HAND_TUNED, _PLAN, SEARCH, SELECTION, VERIFICATION, TIMESTEP, _CHECK, *front, _RANKS)
 
 
 @dataclass(frozen=True)
@@ -126,7 +144,7 @@ def optimise(
     request: Request,
     journal: Journal,
     executor: Executor,
-    on_progress: OnSearchProgress = silent,
+    on_progress: OnProgress = silent,
     settings: SearchSettings | None = None,
 ) -> Optimised:
     """Search for the best gait of a problem, and verify it and the baselines.
@@ -136,7 +154,7 @@ def optimise(
         request: the request.
         journal: where every evaluation is written; a search continues after the evaluations that it holds.
         executor: where the rollouts run.
-        on_progress: called as each batch ends.
+        on_progress: called as each batch or rollout ends.
         settings: how to search; `settings.DEFAULT` by default.
 
     Raises:
@@ -148,19 +166,23 @@ def optimise(
     evaluator = _evaluator(problem, request.seed, executor, settings)
     study = Study(evaluator, journal, request.budget, request.seed, on_progress, settings.study)
     baselines = list(problem.baselines.values())
+    on_progress(Progress(_HAND_TUNED))
     known = evaluator(baselines)
     starts = [Start(gait, one.evaluation.cost) for gait, one in zip(baselines, known, strict=True)]
+    on_progress(Progress(_PLAN))
     warm = planned(problem, request.warm_start, replace(settings.plan, seed=request.seed))
     study.run(method, starts, [elite.gait for elite in warm.elites], request.pareto, laddered=True)
     among = finalists(study.entries, starts, settings.finalists)
-    winner = select(problem, among, executor, request.seed)
+    winner = select(problem, among, executor, request.seed, on_progress)
     final = _verification(
-        problem, winner.gait, best_elite(study.entries, warm.elites), request.seed, executor
+        problem, winner.gait, best_elite(study.entries, warm.elites), request.seed, executor, on_progress
     )
-    coarse = convergence(problem, final.best, request.seed, executor)
+    coarse = convergence(problem, final.best, request.seed, executor, on_progress=on_progress)
+    on_progress(Progress(_CHECK))
     left = margins(problem, final.best)
     findings = check_gait(problem, final.best.gait, executor)
-    front = _front(problem, study, request, executor, settings) if request.pareto else []
+    front = _front(problem, study, request, executor, settings, on_progress) if request.pareto else []
+    on_progress(Progress(_RANKS))
     ranks = correlation(evaluator, warm.planner, request.seed, settings.correlation_gaits)
     return Optimised(
         request=request,
@@ -212,10 +234,15 @@ class _Verification:
 
 
 def _verification(
-    problem: Problem, winner: Gait, elite: Elite | None, seed: int, executor: Executor
+    problem: Problem,
+    winner: Gait,
+    elite: Elite | None,
+    seed: int,
+    executor: Executor,
+    on_progress: OnProgress,
 ) -> _Verification:
     gaits = [winner, *problem.baselines.values(), *([elite.gait] if elite else [])]
-    best, *others = verify(problem, gaits, seed, executor)
+    best, *others = verify(problem, gaits, seed, executor, on_progress=on_progress)
     warm = WarmStart(others.pop(), elite.predicted_speed_m_s) if elite else None
     return _Verification(best, others, warm)
 
@@ -230,9 +257,15 @@ def _notes(
 
 
 def _front(
-    problem: Problem, study: Study, request: Request, executor: Executor, settings: SearchSettings
+    problem: Problem,
+    study: Study,
+    request: Request,
+    executor: Executor,
+    settings: SearchSettings,
+    on_progress: OnProgress,
 ) -> list[FrontGait]:
     """Return gaits of the front of a search, verified."""
     chosen = thinned(front_of(study.entries), settings.study.front.shown)
     named = [Gait(e.gait.period_s, e.gait.channels, f"front-{i}") for i, e in enumerate(chosen, 1)]
-    return verified_front(chosen, verify(problem, named, request.seed, executor))
+    verified = verify(problem, named, request.seed, executor, None, on_progress, _FRONT)
+    return verified_front(chosen, verified)

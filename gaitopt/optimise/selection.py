@@ -8,6 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.progress import Count, OnProgress, silent
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import Evaluator, simulated_s
@@ -69,14 +70,26 @@ def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int) -> 
     return found
 
 
-def select(problem: Problem, among: Sequence[Finalist], executor: Executor, seed: int) -> Selected:
+SELECTION = "selection"
+"""Name of the stage."""
+
+
+def select(
+    problem: Problem,
+    among: Sequence[Finalist],
+    executor: Executor,
+    seed: int,
+    on_progress: OnProgress = silent,
+) -> Selected:
     """Return the best of the finalists on fresh scenarios.
 
     The best gait of the search is partly best by chance on its few scenarios; fresh scenarios correct this.
     """
     scenarios = scenarios_of(problem, seed, Stream.SELECTION_SCENARIOS)
     setup = RobotSetup.of(problem, scenarios, problem.simulation.working)
-    judged = Evaluator(setup, executor, problem.objective.search_margin)([one.gait for one in among])
+    count = Count(on_progress, SELECTION, len(among) * len(scenarios), "rollouts")
+    evaluator = Evaluator(setup, executor, problem.objective.search_margin, on_done=count.one)
+    judged = evaluator([one.gait for one in among])
     costs = [one.evaluation.cost for one in judged]
     winner = among[costs.index(min(costs))]
     gait = Gait(winner.gait.period_s, winner.gait.channels, "best")

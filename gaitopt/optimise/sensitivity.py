@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.progress import Count, OnProgress, silent
 from gaitopt.core.statistics import half_width90
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
@@ -19,6 +20,9 @@ from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import SPEED
 from gaitopt.simulation.setup import RobotSetup
+
+SENSITIVITIES = "sensitivities"
+"""Name of the stage."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,7 @@ def sensitivities(
     seed: int,
     executor: Executor,
     settings: SensitivitySettings = SensitivitySettings(),
+    on_progress: OnProgress = silent,
 ) -> list[Sensitivity]:
     """Return the sensitivity of the speed to each number of the gait and to each parameter of the model.
 
@@ -72,21 +77,27 @@ def sensitivities(
         seed: seed of the scenarios.
         executor: where the rollouts run.
         settings: how far numbers are moved.
+        on_progress: called after each rollout.
     """
     scenarios = scenarios_of(problem, seed, Stream.SENSITIVITY_SCENARIOS)
 
     def speeds(changed: Problem, gaits: Sequence[Gait]) -> NDArray[np.float64]:
         setup = RobotSetup.of(changed, scenarios, changed.simulation.working)
-        rows = Evaluator(setup, executor).outcomes(gaits)
+        rows = Evaluator(setup, executor, on_done=count.one).outcomes(gaits)
         return np.array([[outcome.metrics[SPEED.name] for outcome in row] for row in rows])
 
     names = [variable.name for variable in problem.space.variables]
+    parameters = {
+        name: _changed(problem, name, parameter.value, settings.model_step)
+        for name, parameter in problem.file.parameters.items()
+    }
+    robots = 1 + 2 * len(names) + sum(map(len, parameters.values()))
+    count = Count(on_progress, SENSITIVITIES, robots * len(scenarios), "rollouts")
     nominal, *moved = speeds(problem, [gait, *_moved(problem, gait, settings.gait_step)])
     found = [
         _sensitivity(name, "gait", nominal, moved[2 * i], moved[2 * i + 1]) for i, name in enumerate(names)
     ]
-    for name, parameter in problem.file.parameters.items():
-        changed = _changed(problem, name, parameter.value, settings.model_step)
+    for name, changed in parameters.items():
         if changed:
             found.append(_sensitivity(name, "model", nominal, *(speeds(one, [gait])[0] for one in changed)))
     return found

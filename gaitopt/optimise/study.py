@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.progress import silent
+from gaitopt.core.progress import OnProgress, silent
 from gaitopt.core.streams import Stream, generator
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.ties import TiedSpace
@@ -18,7 +18,7 @@ from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.journal import WORKING, Entry, Journal, at_rung, ranked
 from gaitopt.optimise.ladder import LadderSettings, Rung, descend
 from gaitopt.optimise.quasi_random import quasi_random
-from gaitopt.optimise.recorder import OnSearchProgress, Recorder
+from gaitopt.optimise.recorder import Recorder
 from gaitopt.optimise.solvers.cma_es import CmaEs
 from gaitopt.optimise.solvers.solution import Box, Evaluate
 from gaitopt.optimise.solvers.solver import Choose, Minimisation, draws
@@ -80,7 +80,7 @@ class Study:
         journal: Journal,
         budget: int,
         seed: int,
-        on_progress: OnSearchProgress = silent,
+        on_progress: OnProgress = silent,
         settings: StudySettings = StudySettings(),
     ):
         if budget < 1:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gaitopt.core.progress import Count, OnProgress, silent
 from gaitopt.core.statistics import interval90
 from gaitopt.core.streams import Stream, generator
 from gaitopt.effects.active import EffectValues
@@ -20,6 +21,9 @@ from gaitopt.simulation.metrics import SPEED, Metrics
 from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.scenario import Scenario, draw_scenarios
 from gaitopt.simulation.setup import RobotSetup
+
+VERIFICATION, TIMESTEP = "verification", "verification at the search's timestep"
+"""Names of stages."""
 
 _SELECTION_SCENARIOS = 8
 """Scenarios of the selection of the winner and of the sensitivities."""
@@ -139,7 +143,12 @@ class Convergence:
 
 
 def convergence(
-    problem: Problem, verified: Verified, seed: int, executor: Executor, settings: CheckSettings = DEFAULT
+    problem: Problem,
+    verified: Verified,
+    seed: int,
+    executor: Executor,
+    settings: CheckSettings = DEFAULT,
+    on_progress: OnProgress = silent,
 ) -> Convergence:
     """Return whether a verified gait owes its speed to the timestep of the search.
 
@@ -149,8 +158,10 @@ def convergence(
         seed: seed of the scenarios.
         executor: where the rollouts run.
         settings: how much a speed may change.
+        on_progress: called after each rollout.
     """
-    (working,) = verify(problem, [verified.gait], seed, executor, problem.simulation.working)
+    coarse = problem.simulation.working
+    (working,) = verify(problem, [verified.gait], seed, executor, coarse, on_progress, TIMESTEP)
     changes = verified.speeds - working.speeds
     low, high = interval90(changes)
     limit = max(settings.timestep_change * abs(verified.speed), settings.timestep_floor_m_s)
@@ -164,6 +175,8 @@ def verify(
     seed: int,
     executor: Executor,
     fidelity: Fidelity | None = None,
+    on_progress: OnProgress = silent,
+    stage: str = VERIFICATION,
 ) -> list[Verified]:
     """Return each gait over the verification scenarios.
 
@@ -173,10 +186,13 @@ def verify(
         seed: seed of the scenarios.
         executor: where the rollouts run.
         fidelity: how finely; the reference by default.
+        on_progress: called after each rollout.
+        stage: what this is, in words.
     """
     scenarios = scenarios_of(problem, seed, Stream.VERIFICATION_SCENARIOS)
     fidelity = fidelity or problem.simulation.reference
-    evaluator = Evaluator(RobotSetup.of(problem, scenarios, fidelity), executor)
+    count = Count(on_progress, stage, len(gaits) * len(scenarios), "rollouts")
+    evaluator = Evaluator(RobotSetup.of(problem, scenarios, fidelity), executor, on_done=count.one)
     verified = []
     for gait, one in zip(gaits, evaluator(gaits), strict=True):
         speeds = np.array([outcome.metrics[SPEED.name] for outcome in one.outcomes])

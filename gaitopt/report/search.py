@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from gaitopt.core.json import to_json
+from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.core.quantities import figure
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import BEST_FILE, Gait
@@ -24,6 +25,7 @@ from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
 from gaitopt.report.motion import player_part, shown_takes, way_picture, ways_of, working_text
 from gaitopt.report.page import Page, Picture, Section, Table, folded, save_figures
 from gaitopt.report.rollouts import rollouts
+from gaitopt.report.settings import PAGE
 from gaitopt.report.tables import gait_table, margin_table, metric_table
 from gaitopt.report.words import (
     answer_of,
@@ -53,6 +55,7 @@ def write_report(
     optimised: Optimised,
     full: bool = False,
     sensitive: Sequence[Sensitivity] = (),
+    on_progress: OnProgress = silent,
 ) -> None:
     """Write ``report.html`` and ``figures/`` of a run of `optimise`, after its results.
 
@@ -62,9 +65,11 @@ def write_report(
         optimised: what was found.
         full: add what takes longer: a film of the winner.
         sensitive: the sensitivities of its speed, if requested.
+        on_progress: called as film and page begin, and after each picture of the film.
     """
     simulator, summary = Simulator.build(problem), Summary.of(problem, optimised)
-    film = _film(folder.path, simulator, optimised, summary) if full else FilmPart()
+    film = _film(folder.path, simulator, optimised, summary, on_progress) if full else FilmPart()
+    on_progress(Progress(PAGE))
     gaits = {_BEST: optimised.best.gait} | {_by_hand(name): gait for name, gait in problem.baselines.items()}
     trajectories = rollouts(simulator, gaits)
     player = _player(simulator, summary, gaits, trajectories)
@@ -237,7 +242,9 @@ def _player(
     return player_part("The robot", caption, shown_takes(simulator, gaits, ordered))
 
 
-def _film(folder: Path, simulator: Simulator, optimised: Optimised, summary: Summary) -> FilmPart:
+def _film(
+    folder: Path, simulator: Simulator, optimised: Optimised, summary: Summary, on_progress: OnProgress
+) -> FilmPart:
     """Film the winner beside the fastest baseline, after the transient."""
     from gaitopt.report.film.film import write_film
     from gaitopt.report.film.take import take
@@ -261,7 +268,7 @@ def _film(folder: Path, simulator: Simulator, optimised: Optimised, summary: Sum
             replace(take(simulator, gait, end), speed_m_s=speed, speed_of=f"{scenarios} scenarios")
             for gait, speed in shown
         ]
-        write_film(path, takes, begin, end)
+        write_film(path, takes, begin, end, on_progress=on_progress)
 
     return film_part(folder, "walk", "Film of the gait", caption, write)
 

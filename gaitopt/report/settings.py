@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+FILM, PAGE = "film", "page"
+"""Names of stages of a job."""
+
 
 @dataclass(frozen=True)
 class FilmSettings:

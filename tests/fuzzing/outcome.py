@@ -26,8 +26,8 @@ LIMIT_S = 20.0
 WHOLE_LIMIT_S = 300.0
 """The same for a complete run of a command, with its figures and its page."""
 
-PROGRESS = re.compile(r"\d+/\d+ gaits, ")
-"""How a line of a search's progress begins; it stands on standard error where the search succeeds."""
+PROGRESS = re.compile(r".* …|search: \d+/\d+ gaits, .*")
+"""A line of progress on standard error: a stage that begins, or what a search has done."""
 
 
 @dataclass(frozen=True)
@@ -108,8 +108,7 @@ def attempt(case: Case, folder: Path) -> Outcome:
     lines = said.removesuffix("\n").split("\n") if said else []
     if code not in (0, 1, 2):
         return Outcome(f"exit {code}", said)
-    if code == 0:
-        lines = [line for line in lines if not PROGRESS.match(line)]
+    lines = [line for line in lines if not PROGRESS.fullmatch(line)]
     if len(lines) != (code != 0) or not all(line.startswith("gaitopt: ") and line.strip() for line in lines):
         return Outcome("not one line", said)
     may_change = case.may_change if code else (*case.may_change, *case.rewrites)

@@ -6,6 +6,7 @@ import pytest
 from searching import run
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.progress import Progress
 from gaitopt.core.streams import Stream
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.recorder import SearchProgress
@@ -21,9 +22,10 @@ from gaitopt.runs.summary import Summary
 def test_every_method_spends_at_most_its_budget(
     strider: Problem, tmp_path: Path, method: str, budget: int
 ) -> None:
-    progress: list[SearchProgress] = []
+    steps: list[Progress] = []
     path = tmp_path / "evaluations.csv"
-    optimised = run(strider, path, Request(1, budget, method), progress=progress)
+    optimised = run(strider, path, Request(1, budget, method), progress=steps)
+    progress = [step for step in steps if isinstance(step, SearchProgress)]
     assert len(optimised.entries) == budget
     if method != "default":
         assert {entry.method for entry in optimised.entries} == {method}

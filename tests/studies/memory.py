@@ -23,6 +23,7 @@ from fuzzing.runs import tiny
 
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
+from gaitopt.core.progress import Progress
 from gaitopt.jobs.optimise import optimise
 from gaitopt.optimise.recorder import SearchProgress
 from gaitopt.problem.problem import load_problem
@@ -44,8 +45,8 @@ def main() -> None:
     options = parser.parse_args()
     rows: list[dict[str, float]] = []
 
-    def note(progress: SearchProgress) -> None:
-        if progress.done >= EVERY * (len(rows) + 1):
+    def note(progress: Progress) -> None:
+        if isinstance(progress, SearchProgress) and progress.done >= EVERY * (len(rows) + 1):
             rows.append({"gaits": progress.done, "rss_mib": rss_mib(), "files": open_files()})
 
     began = time.monotonic()

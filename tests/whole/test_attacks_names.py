@@ -20,7 +20,7 @@ from PIL import Image
 from planting import dataset, recording_of, rollout
 
 from gaitopt.cli import app as cli
-from gaitopt.cli.progress import search_display, steps_display
+from gaitopt.cli.progress import display
 from gaitopt.core.progress import Progress
 from gaitopt.gait.gait import write_gait
 from gaitopt.optimise.sensitivity import Sensitivity
@@ -279,9 +279,9 @@ def test_a_progress_bar_shows_names_alone(
     for terminal in ("", "1"):
         monkeypatch.setenv("FORCE_COLOR", terminal)
         monkeypatch.setenv("COLUMNS", "500")
-        with steps_display(quiet=False) as on_progress:
+        with display(quiet=False) as on_progress:
             on_progress(Progress(name, 1, 2))
-        with search_display(quiet=False):
+        with display(quiet=False):
             pass
         err = capfd.readouterr().err
         own = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", err) if terminal and name in PRINTABLE else err

@@ -64,10 +64,10 @@ def add_score_options(parser: Parser) -> None:
 def score(options: Options) -> None:
     """Score diagnoses, and print the figures in words."""
     from gaitopt.blind.scoring import sentences
-    from gaitopt.cli.progress import steps_display
+    from gaitopt.cli.progress import display
     from gaitopt.jobs.blind import blind_score
 
-    with steps_display(options.json) as on_progress:
+    with display(options.json) as on_progress:
         record = blind_score(
             options.folder,
             diagnoses=options.diagnoses,

@@ -105,11 +105,11 @@ def _opened(options: Options, on_progress: OnProgress) -> Campaign:
 @contextmanager
 def _going_on(options: Options, folder: Path) -> Iterator[OnProgress]:
     """Show progress; where Ctrl-C or SIGTERM ends a step, say how it goes on."""
-    from gaitopt.cli.progress import steps_display
+    from gaitopt.cli.progress import display
     from gaitopt.jobs.outputs import Stopped
 
     try:
-        with steps_display(options.quiet or options.json) as on_progress:
+        with display(options.quiet or options.json) as on_progress:
             yield on_progress
     except Stopped:
         say_aside(f"gaitopt: stopped; go on with: gaitopt campaign next {folder}")

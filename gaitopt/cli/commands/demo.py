@@ -17,12 +17,12 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Search briefly, and print the result."""
     from gaitopt.cli import demo
-    from gaitopt.cli.progress import search_display
+    from gaitopt.cli.progress import display
     from gaitopt.jobs.optimise import optimise
     from gaitopt.jobs.outputs import NUMBERED, Stopped
 
     try:
-        with search_display(options.quiet) as on_progress:
+        with display(options.quiet) as on_progress:
             done = optimise(
                 demo.demo_problem(),
                 budget=demo.BUDGET,

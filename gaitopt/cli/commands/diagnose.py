@@ -40,13 +40,13 @@ def add_options(parser: Parser) -> None:
 
 def run(options: Options) -> None:
     """Diagnose or continue a diagnosis, and print the answer."""
-    from gaitopt.cli.progress import steps_display
+    from gaitopt.cli.progress import display
     from gaitopt.jobs.diagnose import diagnose, is_finished
     from gaitopt.jobs.outputs import NUMBERED, Stopped
 
     resumed = options.resume
     try:
-        with steps_display(options.quiet or options.json) as on_progress:
+        with display(options.quiet or options.json) as on_progress:
             done = diagnose(
                 None if is_finished(resumed) else problem_of(options),
                 options.dataset,

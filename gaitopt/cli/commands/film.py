@@ -49,13 +49,13 @@ def _camera(text: str) -> tuple[float, float, float]:
 
 def run(options: Options) -> None:
     """Make the film, and print how well it is tracked."""
-    from gaitopt.cli.progress import frames_display
+    from gaitopt.cli.progress import display
     from gaitopt.jobs.rehearsal import Camera, RehearsalOptions, rehearse
 
     how = RehearsalOptions(
         Camera(*options.camera), options.fps, options.seconds, options.hand, options.size_mm, options.seed
     )
-    with frames_display(options.quiet) as show:
+    with display(options.quiet) as show:
         done = rehearse(problem_of(options), options.gait, options.out, how, show)
     if options.json:
         print_json(done.to_dict())

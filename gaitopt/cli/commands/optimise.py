@@ -47,7 +47,7 @@ def add_options(parser: Parser) -> None:
 
 def run(options: Options) -> None:
     """Search or continue a search, and print the result."""
-    from gaitopt.cli.progress import search_display
+    from gaitopt.cli.progress import display
     from gaitopt.jobs.optimise import check_no_run, optimise
     from gaitopt.jobs.outputs import NUMBERED, Stopped
 
@@ -57,7 +57,7 @@ def run(options: Options) -> None:
     if resumed is not None and options.parameters:
         raise GaitoptError(f"--set: not with --resume, which takes it from {resumed}")
     try:
-        with search_display(options.quiet or options.json) as on_progress:
+        with display(options.quiet or options.json) as on_progress:
             done = optimise(
                 None if resumed else problem_of(options),
                 budget=options.budget,

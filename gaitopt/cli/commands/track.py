@@ -121,7 +121,7 @@ def _length(text: str) -> tuple[float, ...]:
 
 def run(options: Options) -> None:
     """Track the films, and print what was found."""
-    from gaitopt.cli.progress import frames_display
+    from gaitopt.cli.progress import display
     from gaitopt.jobs.track import TrackOptions, marks, points, track
 
     unsaid = TrackOptions(
@@ -132,7 +132,7 @@ def run(options: Options) -> None:
         readout_ms=options.readout_ms,
         points=points(options.points, options.lengths, options.view),
     )
-    with frames_display(options.quiet) as show:
+    with display(options.quiet) as show:
         problem = problem_of(options)
         done = track(options.films, problem, options.gait, options.out, unsaid, show, options.report)
     if options.json:

@@ -52,6 +52,10 @@ class RobotRequest:
         return repr(sorted((effect, sorted(values.items())) for effect, values in self.effects.items()))
 
 
+FITTING, FINISHING = "fitting effects", "finishing the best fits"
+FITTING_PAIRS, FITTING_SETS = "fitting pairs of effects", "fitting sets of effects"
+"""Names of stages."""
+
 Compare = Callable[[TrialSet, Sequence[RobotRequest]], list[Comparison | None]]
 """Compares a set of trials with robots; None for a robot that cannot be simulated."""
 
@@ -70,9 +74,9 @@ class Runner:
     on_progress: OnProgress = silent
     cache: SimulationCache | None = None
 
-    def stage(self, name: str) -> Stage:
-        """Return a stage of the work that counts its robots."""
-        return Stage(self, name)
+    def stage(self, name: str, most: int | None = None) -> Stage:
+        """Return a stage of the work that counts its robots, of which there are at most so many."""
+        return Stage(self, name, most)
 
     def compare(
         self,
@@ -116,26 +120,33 @@ class Runner:
 
 
 class Stage:
-    """A named part of the work: compares trials with robots, and reports how many are done."""
+    """A named part of the work: compares trials with robots, and reports how many are done.
 
-    def __init__(self, runner: Runner, name: str):
-        self._runner, self._name = runner, name
-        self._done = self._total = 0
+    Where the largest possible number of robots is known, the number still to come only shrinks; elsewhere
+    it is not told.
+    """
 
-    def expect(self, count: int) -> None:
-        """Change the largest possible number of robots."""
-        self._report(0, count)
+    def __init__(self, runner: Runner, name: str, most: int | None = None):
+        self._runner, self._name, self._total = runner, name, most
+        self._done = 0
+        self._report()
+
+    def spare(self, count: int) -> None:
+        """Take away robots that are not needed."""
+        if self._total is not None and count:
+            self._total -= count
+            self._report()
 
     def __call__(self, trial_set: TrialSet, requests: Sequence[RobotRequest]) -> list[Comparison | None]:
         """Return the trials compared with robots, as `Runner.compare` does."""
-        self.expect(len(requests))
-        return self._runner.compare(trial_set, requests, lambda: self._report(1, 0))
+        return self._runner.compare(trial_set, requests, self._one)
 
-    def _report(self, done: int, total: int) -> None:
-        self._done, self._total = self._done + done, self._total + total
-        self._runner.on_progress(
-            Progress(self._name, self._done, max(self._done, self._total) or None, "robots")
-        )
+    def _one(self) -> None:
+        self._done += 1
+        self._report()
+
+    def _report(self) -> None:
+        self._runner.on_progress(Progress(self._name, self._done, self._total, "robots"))
 
 
 @dataclass(frozen=True)

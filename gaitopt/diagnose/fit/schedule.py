@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
-from gaitopt.diagnose.fit.runner import Runner, Stage
+from gaitopt.diagnose.fit.runner import FINISHING, FITTING, Runner, Stage
 from gaitopt.diagnose.fit.settings import FIT, FitSettings
 from gaitopt.diagnose.fit.single import Fit
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
@@ -38,8 +38,10 @@ def fit_all(
         One fit for each hypothesis, in order.
     """
     fits = [Fit.of(hypothesis, trial_set, nominal, settings) for hypothesis in hypotheses]
-    stage = runner.stage("fitting effects")
-    _simulate([(fit, at) for fit in fits for at in fit.hypothesis.screened(settings)], stage)
+    screened = [(fit, at) for fit in fits for at in fit.hypothesis.screened(settings)]
+    most = len(screened) + sum(min(most, len(fits)) for most in settings.rounds)
+    stage = runner.stage(FITTING, most)
+    _simulate(screened, stage)
     _refine(fits, len(nominal.whitened), stage, settings)
     finish(fits, runner, settings)
     return fits
@@ -55,7 +57,6 @@ def _refine(fits: Sequence[Fit], rows: int, stage: Stage, settings: FitSettings)
         settings: the rounds.
     """
     planned = [min(most, len(fits)) for most in settings.rounds]
-    stage.expect(sum(planned))
     for number, most in enumerate(settings.rounds):
         losses = [float(fit.loss().sum()) for fit in fits]
         hopeless = settings.hopeless[min(number, len(settings.hopeless) - 1)]
@@ -66,9 +67,9 @@ def _refine(fits: Sequence[Fit], rows: int, stage: Stage, settings: FitSettings)
         ]
         wanted = [(fit, fit.next_coordinate()) for fit in leading[:most]]
         work = [(fit, at) for fit, at in wanted if at is not None]
-        stage.expect(-planned[number])
+        stage.spare(planned[number] - len(work))
         if not work:
-            stage.expect(-sum(planned[number + 1 :]))
+            stage.spare(sum(planned[number + 1 :]))
             break
         _simulate(work, stage)
 
@@ -78,7 +79,7 @@ def finish(fits: Sequence[Fit], runner: Runner, settings: FitSettings = FIT) -> 
 
     Two effects with one signature are then compared by their residuals, not by how closely each was fitted.
     """
-    stage = runner.stage("finishing the best fits")
+    stage = runner.stage(FINISHING)
     for number in range(settings.finish_rounds_measurement):
         losses = [float(fit.loss().sum()) for fit in fits]
         limit = settings.leading * min(losses)

@@ -11,6 +11,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.pair_search import PairSearch
 from gaitopt.diagnose.fit.residual import WhitenedTrial
+from gaitopt.diagnose.fit.runner import FITTING_PAIRS
 from gaitopt.diagnose.fit.schedule import fit_all
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.gap.align import Aligned
@@ -149,7 +150,7 @@ def _explained_by_two(
         context: simulates robots.
     """
     settings = context.settings
-    compare = context.runner.stage("fitting pairs of effects")
+    compare = context.runner.stage(FITTING_PAIRS)
     pairs = PairSearch(wide.fits, wide.nominal, compare, settings.pairs).run()
     if not pairs:
         return None

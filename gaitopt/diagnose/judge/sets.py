@@ -19,7 +19,7 @@ from gaitopt.core.statistics import NORMAL_95
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.proposals import Proposals
 from gaitopt.diagnose.fit.robust import RobustLoss
-from gaitopt.diagnose.fit.runner import RobotRequest, Runner
+from gaitopt.diagnose.fit.runner import FITTING_SETS, RobotRequest, Runner
 from gaitopt.diagnose.fit.set_fit import Point, SetFit, SetFitter
 from gaitopt.diagnose.fit.set_search import SetSearch
 from gaitopt.diagnose.fit.settings import SetSettings
@@ -50,7 +50,7 @@ class SetJudge:
     @staticmethod
     def of(trial_set: TrialSet, runner: Runner, settings: SetSettings) -> SetJudge:
         """Return the judge of some trials; robots are simulated by a runner."""
-        stage = runner.stage("fitting sets of effects")
+        stage = runner.stage(FITTING_SETS)
 
         def simulate(requests: Sequence[RobotRequest]) -> list[Comparison | None]:
             return stage(trial_set, requests)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from PIL import Image
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_with
+from gaitopt.core.progress import Count, OnProgress, silent
 from gaitopt.gait.drive import Drive
 from gaitopt.report import settings as defaults
 from gaitopt.report.film.encode import write_loop, write_mp4
@@ -55,6 +56,7 @@ def write_film(
     begin: float = 0.0,
     end: float | None = None,
     settings: FilmSettings | None = None,
+    on_progress: OnProgress = silent,
 ) -> None:
     """Write a film of one robot, or of several side by side, in the format that the suffix says.
 
@@ -63,6 +65,7 @@ def write_film(
         takes: who is shown, from left to right, all on the same clock.
         begin, end: gait times, s; `film_length` by default.
         settings: how it looks.
+        on_progress: called after each picture.
 
     Raises:
         GaitoptError: the format is unknown, there is no OpenGL, or the file cannot be written.
@@ -75,8 +78,15 @@ def write_film(
         size, fps, write = settings.loop_size, loop_rate(takes, settings), write_loop
     end = film_length(takes, settings) if end is None else end
     times = begin + np.arange(max(1, round((end - begin) * fps))) / fps
+    count = Count(on_progress, defaults.FILM, len(times), "pictures")
     with closing(frames(takes, times, size, settings)) as pictures:
-        write_with(path, lambda temporary: write(temporary, pictures, fps))
+        write_with(path, lambda temporary: write(temporary, _counted(pictures, count), fps))
+
+
+def _counted(pictures: Iterable[Image.Image], count: Count) -> Generator[Image.Image]:
+    for picture in pictures:
+        yield picture
+        count.one()
 
 
 def frames(
