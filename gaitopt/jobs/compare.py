@@ -51,7 +51,7 @@ def compare(
     check_new_or_empty(folder)
     problem = over_posterior(carrying(problem), posterior)
     check_objective(problem)
-    found = told_apart([found_gait(problem, gait) for gait in gaits], gaits)
+    found = told_apart(problem, [found_gait(problem, gait) for gait in gaits], gaits)
     seed = checked_seed(seed)
     with opened(executor, workers) as pool:
         rows = comparison.compare(problem, found, seed, pool)

@@ -43,23 +43,28 @@ def found_gait(problem: Problem, gait: Gait | str | Path, in_range: bool = True)
     return problem.find_gait(str(gait), in_range=in_range)
 
 
-def told_apart(gaits: Sequence[Gait], references: Sequence[Gait | str | Path]) -> list[Gait]:
+def told_apart(
+    problem: Problem, gaits: Sequence[Gait], references: Sequence[Gait | str | Path]
+) -> list[Gait]:
     """Return gaits with names that differ: those alike get their folder's name before theirs, or a number.
 
     Args:
+        problem: the problem.
         gaits: the gaits.
         references: what was asked for, in the same order.
     """
     names = [gait.name for gait in gaits]
-    placed = [f"{_folder(one)}/{name}".lstrip("/") for name, one in zip(names, references, strict=True)]
+    placed = [
+        f"{_folder(problem, one)}/{name}".lstrip("/") for name, one in zip(names, references, strict=True)
+    ]
     names = _unlike(names, placed)
     names = _unlike(names, [f"{name} ({number})" for number, name in enumerate(names, 1)])
     return [replace(gait, name=name) for gait, name in zip(gaits, names, strict=True)]
 
 
-def _folder(reference: Gait | str | Path) -> str:
-    """Return the name of the folder that holds a gait's file, or its run."""
-    if isinstance(reference, Gait) or not Path(reference).exists():
+def _folder(problem: Problem, reference: Gait | str | Path) -> str:
+    """Return the name of the folder that holds a gait's file, or its run; a baseline has none."""
+    if isinstance(reference, Gait) or str(reference) in problem.baselines:
         return ""
     path = Path(reference).resolve()
     return (path.parent if path.name == BEST_FILE else path).parent.name
