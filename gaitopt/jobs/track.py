@@ -162,23 +162,26 @@ def track(
         raise GaitoptError(f"--report: found {page}; allowed: another folder than the data set's")
     gaits = [gaits] if isinstance(gaits, str) else list(gaits)
     _check(options, paths, gaits, problem)
-    begins: list[Beginning | None] = [*_each(options.sync, len(paths))] or [None] * len(paths)
+    begins = _each(options.sync or (None,), len(paths))
+    tracks: list[FilmTrack | PointTrack]
     tracker: Tracker | None = None
-    read, tracks = [], []
-    if not options.points:
+    if options.points:
+        followed = zip(paths, _each(options.points, len(paths)), begins, strict=True)
+        tracks = [track_point(path, point, on_progress, begin) for path, point, begin in followed]
+        starts = [found.sync.at_s for found in tracks]
+    else:
         tracker = Tracker.of(problem, _all_tags(problem, options), options.ruler_mm / _RULER_MM)
-    points: list[PointTracker | None] = [*_each(options.points, len(paths))] or [None] * len(paths)
-    readout_s = None if options.readout_ms is None else 1e-3 * options.readout_ms
-    for path, point, begin, gait in zip(paths, points, begins, _each(gaits, len(paths)), strict=True):
-        found: FilmTrack | PointTrack
-        if point is not None:
-            found = track_point(path, point, on_progress, begin)
-            at = found.sync.at_s
-        elif tracker is not None:
-            found = track_film(path, tracker, on_progress, begin, readout_s)
-            at = _began(found, begin, tracker, problem.find_gait(gait))
-        tracks.append(found)
-        read.append(Recording(found.film, "film", _motion(found, at)))
+        readout_s = None if options.readout_ms is None else 1e-3 * options.readout_ms
+        tagged = [
+            track_film(path, tracker, on_progress, begin, readout_s)
+            for path, begin in zip(paths, begins, strict=True)
+        ]
+        played = [problem.find_gait(gait) for gait in _each(gaits, len(paths))]
+        starts = [_began(*one, tracker) for one in zip(tagged, begins, played, strict=True)]
+        tracks = [*tagged]
+    read = [
+        Recording(found.film, "film", _motion(found, at)) for found, at in zip(tracks, starts, strict=True)
+    ]
     recordings = write_recordings(read, gaits, folder, ImportOptions(), problem)
     done = TrackRun(folder, tuple(tracks), tuple(recordings))
     if page is not None:
@@ -193,7 +196,7 @@ def _each(given: Sequence[T], count: int) -> list[T]:
     return list(given) * (count if len(given) == 1 else 1)
 
 
-def _began(found: FilmTrack, begin: Beginning | None, tracker: Tracker, gait: Gait) -> float | None:
+def _began(found: FilmTrack, begin: Beginning | None, gait: Gait, tracker: Tracker) -> float | None:
     """Return the time stamp of the gait's time 0, s. A tag of the robot moves at its first new command."""
     at = found.sync.at_s
     if at is None or not isinstance(begin, TagMark) or begin.tag not in tracker.robot.numbers():
@@ -215,11 +218,9 @@ def _check(options: TrackOptions, films: Sequence[Path], gaits: Sequence[str], p
     if not low <= options.ruler_mm <= high:
         allowed = f"{low:g} to {high:g}: what the printed ruler of {_RULER_MM:g} mm measures"
         raise bad_value("gaitopt track", "--ruler-mm", options.ruler_mm, allowed)
-    if len(gaits) not in (1, len(films)):
-        raise GaitoptError(f"--gait: found {len(gaits)} for {len(films)} films; allowed: one, or one each")
-    if len(options.sync) not in (0, 1, len(films)):
-        found = len(options.sync)
-        raise GaitoptError(f"--sync: found {found} for {len(films)} films; allowed: one, or one each")
+    _check_each("--gait", gaits, len(films))
+    if options.sync:
+        _check_each("--sync", options.sync, len(films))
     for mark in options.sync:
         if isinstance(mark, TimeMark) and not (math.isfinite(mark.at_s) and abs(mark.at_s) < 1e5):
             raise bad_value("gaitopt track", "--sync-at", mark.at_s, "seconds from the film's first picture")
@@ -237,12 +238,15 @@ def _check(options: TrackOptions, films: Sequence[Path], gaits: Sequence[str], p
         problem.find_gait(gait)
 
 
+def _check_each(option: str, given: Sequence[object], films: int) -> None:
+    """Check that an option is given once for all films, or once for each."""
+    if len(given) not in (1, films):
+        raise GaitoptError(f"{option}: found {len(given)} for {films} films; allowed: one, or one each")
+
+
 def _check_points(options: TrackOptions, films: int, problem: Problem) -> None:
     """Check what is followed in films without tags."""
-    if len(options.points) not in (1, films):
-        raise GaitoptError(
-            f"--dot or --patch: found {len(options.points)} for {films} films; allowed: one, or one each"
-        )
+    _check_each("--dot or --patch", options.points, films)
     if problem.roles.marker is None:
         raise GaitoptError(f"{problem.source}: has no marker, whose motion a point without tags is")
     if options.tags or options.readout_ms is not None:
