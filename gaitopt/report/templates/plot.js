@@ -33,11 +33,11 @@
   };
 
   // --- a panel: what is in it, where that was, which part is seen --------------------------------
-  const panelOf = (group, place) => {
+  const panelOf = (group) => {
     const [x0, y0, x1, y1] = group.dataset.box.split(" ").map(Number);
     const [xName, yName] = group.dataset.names.split("|");
     const panel = { group, x0, y0, x1, y1, xName, yName, x: axisOf(group.dataset.x, x0, x1), y: axisOf(group.dataset.y, y0, y1),
-      shared: group.dataset.shared, view: { x0, y0, x1, y1 }, pieces: [], rows: [], place };
+      shared: group.dataset.shared, view: { x0, y0, x1, y1 }, pieces: [], rows: [] };
     for (const element of group.querySelectorAll("path, use, text")) {
       if (element.closest("defs, .axis") || !element.closest(element.tagName === "text" ? ".placed" : "[clip-path]")) continue;
       const d = element.getAttribute("d"), at = [];
@@ -56,6 +56,18 @@
     [x0 + ((x - v.x0) * (x1 - x0)) / (v.x1 - v.x0), y0 + ((y - v.y0) * (y1 - y0)) / (v.y1 - v.y0)];
   const unmapped = ({ x0, y0, x1, y1, view: v }, [x, y]) =>
     [v.x0 + ((x - x0) * (v.x1 - v.x0)) / (x1 - x0), v.y0 + ((y - y0) * (v.y1 - v.y0)) / (y1 - y0)];
+  // The part of a panel between two places, in rising order.
+  const between = ({ x0, y0, x1, y1 }, from, to) => {
+    const rising = (one, other) => (one < other ? [one, other] : [other, one]);
+    return [rising(from[0], Math.max(x0, Math.min(x1, to[0]))), rising(from[1], Math.max(y1, Math.min(y0, to[1])))];
+  };
+  const namesOf = (root) => new Map([...root.querySelectorAll("[data-entry] text")].map((text) =>
+    [text.closest("[data-entry]").dataset.entry, text.textContent.trim()]));
+  // What a bar says: its length from 0, or its own length where it floats.
+  const barred = (low, high) => {
+    if (Math.abs(low) > Math.abs(high) && high <= 1e-9) return low;
+    return low > 1e-9 ? high - low : high;
+  };
   const within = (panel, [x, y], slack = 1) =>
     x >= panel.x0 - slack && x <= panel.x1 + slack && y <= panel.y0 + slack && y >= panel.y1 - slack;
 
@@ -133,11 +145,11 @@
   };
   const inWords = (panel, { at, piece, length }, names) => {
     const [x, y] = unmapped(panel, at);
-    const lines = [names[piece.series?.dataset.series] ?? ""];
+    const lines = [names.get(piece.series?.dataset.series) ?? ""];
     if (panel.rows.length) {
       const row = panel.rows.reduce((a, b) => (Math.abs(b.y - y) < Math.abs(a.y - y) ? b : a));
       const ends = length?.map((end) => panel.x.value(unmapped(panel, [end, 0])[0])) ?? [0, panel.x.value(x)];
-      lines.push(row.name, `${panel.xName}: ${shown(Math.abs(ends[0]) > Math.abs(ends[1]) && ends[1] <= 1e-9 ? ends[0] : ends[0] > 1e-9 ? ends[1] - ends[0] : ends[1])}`);
+      lines.push(row.name, `${panel.xName}: ${shown(barred(...ends))}`);
     } else {
       if (!piece.closed) lines.push(`${panel.yName}: ${shown(panel.y.value(y))}`);
       lines.push(`${panel.xName}: ${shown(panel.x.value(x))}`);
@@ -147,9 +159,8 @@
 
   // --- one drawing: pointer and zoom -----------------------------------------------------------
   const drawingOf = (root, figure, tip) => {
-    const panels = [...root.querySelectorAll(".panel")].map(panelOf);
-    const names = {};
-    for (const text of root.querySelectorAll("[data-entry] text")) names[text.closest("[data-entry]").dataset.entry] = text.textContent.trim();
+    const panels = [...root.querySelectorAll(".panel")].map((group) => panelOf(group));
+    const names = namesOf(root);
     const spot = svg("circle", { r: 4, class: "spot gone" });
     root.append(spot);
     let down = null, frame = null, last = panels[0];
@@ -177,14 +188,13 @@
       const [x0, x1] = kept(v.x0, v.x1, p.x0, p.x1, cx), [y0, y1] = kept(v.y0, v.y1, p.y0, p.y1, cy);
       show(p, { x0, x1, y0, y1 });
     };
-    const whole = () => { for (const { x0, y0, x1, y1, ...rest } of panels) show(panels[rest.place], { x0, y0, x1, y1 }); };
+    const whole = () => { for (const one of panels) show(one, { x0: one.x0, y0: one.y0, x1: one.x1, y1: one.y1 }); };
     root.addEventListener("pointermove", (event) => {
       const at = placeOf(event), panel = down?.panel ?? panels.find((one) => within(one, at));
       if (!panel) return hide();
       last = panel;
       if (down) {
-        const [ax, bx] = [down.at[0], Math.max(panel.x0, Math.min(panel.x1, at[0]))].sort((a, b) => a - b);
-        const [ay, by] = [down.at[1], Math.max(panel.y1, Math.min(panel.y0, at[1]))].sort((a, b) => a - b);
+        const [[ax, bx], [ay, by]] = between(panel, down.at, at);
         frame ??= root.appendChild(svg("rect", { class: "drag" }));
         for (const [key, value] of Object.entries({ x: ax, y: ay, width: bx - ax, height: by - ay })) frame.setAttribute(key, value);
         return hide();
@@ -212,9 +222,7 @@
       frame?.remove();
       frame = down = null;
       if (!begun || event.type !== "pointerup") return;
-      const at = placeOf(event), p = begun.panel;
-      const [ax, bx] = [begun.at[0], Math.max(p.x0, Math.min(p.x1, at[0]))].sort((a, b) => a - b);
-      const [ay, by] = [begun.at[1], Math.max(p.y1, Math.min(p.y0, at[1]))].sort((a, b) => a - b);
+      const p = begun.panel, [[ax, bx], [ay, by]] = between(p, begun.at, placeOf(event));
       if (bx - ax < 5 && by - ay < 5) return;
       const flat = by - ay < 12, thin = bx - ax < 12;  // along one axis only
       const [x0, y0] = unmapped(p, [thin ? p.x0 : ax, flat ? p.y0 : by]), [x1, y1] = unmapped(p, [thin ? p.x1 : bx, flat ? p.y1 : ay]);
@@ -223,7 +231,7 @@
     for (const name of ["pointerup", "pointercancel"]) root.addEventListener(name, up);
     root.addEventListener("pointerleave", () => { if (!down) hide(); });
     root.addEventListener("dblclick", whole);
-    return { zoom, whole, names };
+    return { zoom, whole };
   };
 
   // --- one figure: its drawings, its curves and its buttons ------------------------------------------
@@ -248,15 +256,13 @@
     button("Zoom in", () => current().zoom(2));
     button("Zoom out", () => current().zoom(0.5));
     button("Whole figure", () => current().whole());
-    const entries = new Map();
-    for (const text of roots[0].querySelectorAll("[data-entry] text")) entries.set(text.closest("[data-entry]").dataset.entry, text.textContent.trim());
     const flip = (number, one) => {
       const off = one.getAttribute("aria-pressed") === "true";
       one.setAttribute("aria-pressed", String(!off));
       for (const root of roots)
         for (const part of root.querySelectorAll(`[data-series="${number}"], [data-entry="${number}"]`)) part.classList.toggle("off", off);
     };
-    for (const [number, name] of entries) {
+    for (const [number, name] of namesOf(roots[0])) {
       if (!roots[0].querySelector(`[data-series="${number}"]`)) continue;
       const one = button(name, () => flip(number, one));
       one.setAttribute("aria-pressed", "true");
