@@ -137,6 +137,24 @@ def limbs_of(model: mujoco.MjModel, pads: Sequence[int]) -> list[Limb]:
     return [Limb(tuple(feet), servos) for servos, feet in found.items() if servos not in shared]
 
 
+def rows_of(feet: Sequence[Sequence[float]], rows: int) -> list[tuple[bool, int]]:
+    """Return where each foot stands: whether on the left, and in which row from the front.
+
+    Args:
+        feet: each one's place, forward and to the left of the trunk, m.
+        rows: rows of feet that the family has.
+
+    Returns:
+        Empty where there is not one foot on each side of each row.
+    """
+    found = [
+        (left > 0.0, sum(other[0] > ahead and (other[1] > 0.0) == (left > 0.0) for other in feet))
+        for ahead, left, *_ in feet
+    ]
+    whole = [(side, row) for side in (False, True) for row in range(rows)]
+    return found if sorted(found) == whole else []
+
+
 def guess_family(model: mujoco.MjModel, standing: Standing, pads: Sequence[int]) -> tuple[str, str]:
     """Return the family of a robot, and what that rests on."""
     limbs = limbs_of(model, pads)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.gait.gait import EDGE_TOLERANCE, Channel, Gait
-from gaitopt.problem.drafting.family import Limb, limbs_of
+from gaitopt.problem.drafting.family import Limb, limbs_of, rows_of
 from gaitopt.problem.drafting.standing import Standing
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.tree import driven_joints, trunk
@@ -163,13 +163,8 @@ class _Order:
 
 def _orders(family: str, legs: Sequence[_Leg]) -> list[_Order]:
     """Return the orders in which the legs of a family step; none where legs are not where they should be."""
-    left = [leg.place[1] > 0.0 for leg in legs]
-    places = [
-        (side, sum(o.place[0] > leg.place[0] and (o.place[1] > 0.0) == side for o in legs))
-        for leg, side in zip(legs, left, strict=True)
-    ]
-    rows = {"quadruped": 2, "hexapod": 3}.get(family, 0)
-    if not rows or sorted(places) != [(side, row) for side in (False, True) for row in range(rows)]:
+    places = rows_of([leg.place for leg in legs], {"quadruped": 2, "hexapod": 3}.get(family, 0))
+    if not places:
         return []
     across = [0.5 * ((row + side) % 2) for side, row in places]
     if family == "hexapod":

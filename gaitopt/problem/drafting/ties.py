@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.problem.drafting.family import Limb, limbs_of
+from gaitopt.problem.drafting.family import Limb, limbs_of, rows_of
 from gaitopt.problem.drafting.gaits import Travel, from_front
 from gaitopt.problem.drafting.standing import Standing
 from gaitopt.problem.ties import HEXAPOD, QUADRUPED, SPINE, UNDULATION
@@ -85,19 +85,17 @@ class _Parts:
 
     def named(self, limbs: Sequence[Limb], names: Sequence[str]) -> dict[str, Sequence[int]]:
         """Return the servos of each leg by the leg's name; none where legs are not where they should be."""
-        if not names or len(limbs) != len(names):
-            return {}
         rows = list(dict.fromkeys(name.partition("_")[0] for name in names))
         rested = self.standing.rested
         middles = [rested.geom_xpos[list(limb.feet)].mean(axis=0) for limb in limbs]
         feet = [self.axes @ (middle - rested.xpos[trunk(self.model)]) for middle in middles]
-        legs: dict[str, Sequence[int]] = {}
-        for side, left in (("left", True), ("right", False)):
-            of_side = [i for i, foot in enumerate(feet) if (foot[1] > 0.0) == left]
-            if len(of_side) != len(rows):
-                return {}
-            of_side.sort(key=lambda i: -feet[i][0])
-            legs |= {f"{row}_{side}": limbs[i].servos for row, i in zip(rows, of_side, strict=True)}
+        seats = rows_of(feet, len(rows))
+        if not seats:
+            return {}
+        legs = {
+            f"{rows[row]}_{'left' if left else 'right'}": limb.servos
+            for limb, (left, row) in zip(limbs, seats, strict=True)
+        }
         return {name: legs[name] for name in names}
 
     def tied(self, templates: Sequence[str], legs: Mapping[str, Sequence[int]]) -> DraftedTies | None:
