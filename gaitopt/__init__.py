@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from gaitopt.jobs.sweep import SweepRun, sweep
     from gaitopt.jobs.tags import TagSheets, tags
     from gaitopt.jobs.track import TrackOptions, TrackRun, track
+    from gaitopt.jobs.watch import watch
     from gaitopt.optimise.run import Optimised
     from gaitopt.plan.plan import Plan
     from gaitopt.problem.problem import Problem, load_problem
@@ -115,6 +116,7 @@ __all__ = [
     "sweep",
     "tags",
     "track",
+    "watch",
     "write_gait",
 ]
 
@@ -205,6 +207,7 @@ _HOMES = {
         "TrackRun",
         "track",
     ),
+    "gaitopt.jobs.watch": ("watch",),
     "gaitopt.optimise.run": ("Optimised",),
     "gaitopt.plan.plan": ("Plan",),
     "gaitopt.problem.problem": (

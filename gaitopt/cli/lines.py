@@ -10,7 +10,7 @@ from gaitopt.core.text import plain
 
 def say(line: object) -> None:
     """Print a line; control characters in it, such as an escape sequence, are escaped."""
-    print(plain(line))
+    print(plain(line), flush=True)
 
 
 def say_aside(line: object) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -12,6 +13,9 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.own_files import open_own
 
 LOCK_FILE = ".lock"
+
+_ASKED_S = 0.05
+"""Longest that `is_held` holds a lock, s, by far."""
 
 
 class FolderLock:
@@ -77,7 +81,11 @@ def _locked(path: Path) -> BinaryIO:
         else:
             import fcntl
 
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                time.sleep(_ASKED_S)  # somebody may only have asked whether it is held
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if not path.exists() or os.fstat(file.fileno()).st_ino != path.stat().st_ino:
                 file.close()  # its owner removed it after it was opened
                 return _locked(path)

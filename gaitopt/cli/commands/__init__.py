@@ -28,11 +28,13 @@ from gaitopt.cli.commands import (
     sweep,
     tags,
     track,
+    watch,
 )
 
 COMMANDS: Sequence[Command] = (
     optimise.COMMAND,
     runs.COMMAND,
+    watch.COMMAND,
     plan.COMMAND,
     simulate.COMMAND,
     sweep.COMMAND,
