@@ -110,3 +110,8 @@ def explained_by_groups(values: NDArray[np.float64], outcomes: NDArray[np.float6
         return 0.0
     by_chance = (len(counts) - 1) * within / free
     return max(0.0, (total - within - by_chance) / total)
+
+
+def uniform_sd(width: float) -> float:
+    """Return the standard deviation of what lies anywhere in a range, or was rounded to steps so wide."""
+    return width / math.sqrt(12.0)

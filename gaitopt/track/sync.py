@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.core.statistics import robust_sd
+from gaitopt.core.statistics import robust_sd, uniform_sd
 from gaitopt.track.film import Picture
 from gaitopt.track.opencv import opencv
 from gaitopt.track.pose import Pose
@@ -228,4 +228,4 @@ def first_motion(
 
 def _uncertain(time: Array) -> float:
     """Return the standard deviation of a moment that lies anywhere between two pictures, s."""
-    return float(np.median(np.diff(time))) / math.sqrt(12.0)
+    return uniform_sd(float(np.median(np.diff(time))))

@@ -13,6 +13,7 @@ from gaitopt.core.statistics import (
     interval90,
     noise_sd,
     robust_sd,
+    uniform_sd,
 )
 
 
@@ -75,3 +76,8 @@ def test_what_a_value_explains_may_have_any_shape_and_chance_explains_nothing() 
 def test_a_value_that_never_changes_explains_nothing() -> None:
     assert explained_by_groups(np.ones(50), np.arange(50.0), 8) == 0.0
     assert explained_by_groups(np.arange(50.0), np.ones(50), 8) == 0.0
+
+
+def test_what_was_rounded_is_off_by_a_uniform_error() -> None:
+    values = np.random.default_rng(5).uniform(0.0, 10.0, 20_000)
+    assert float(np.std(values - np.round(values / 0.5) * 0.5)) == pytest.approx(uniform_sd(0.5), rel=0.02)

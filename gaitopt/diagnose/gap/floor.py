@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from gaitopt.core.statistics import uniform_sd
 from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.gap.align import Aligned, align
 from gaitopt.diagnose.gap.predict import predict_each
@@ -186,7 +187,7 @@ def _noise(trial: Trial, name: str) -> float:
     if trial.noise_m is not None and is_position(name):
         return trial.noise_m
     noise = noise_of(trial.signals[name][trial.used[name]])
-    return max(noise, trial.steps_rad.get(name, 0.0) / math.sqrt(12.0))
+    return max(noise, uniform_sd(trial.steps_rad.get(name, 0.0)))
 
 
 def _clock(aligned: Aligned, name: str) -> float:

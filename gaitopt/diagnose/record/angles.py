@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gaitopt.core.statistics import uniform_sd
 from gaitopt.diagnose.record.defect import Defect, Found, counted
 from gaitopt.diagnose.record.settings import AngleSettings, DefectSettings
 from gaitopt.diagnose.record.trial import Series, Trial
@@ -84,7 +85,7 @@ def coarse_angles(trial: Trial, settings: DefectSettings) -> Found:
     parts = [
         f"{name} has steps of {step:.3g} rad ({math.degrees(step):.3g}°), "
         f"{np.ptp(trial.counted(name)[1]) / step:.0f} in its whole motion: counts as noise of "
-        f"{step / math.sqrt(12.0):.2g} rad"
+        f"{uniform_sd(step):.2g} rad"
         for name, step in found.items()
     ]
     sizes = {"step_rad": max(found.values())}

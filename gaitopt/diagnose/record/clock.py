@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
+from gaitopt.core.statistics import uniform_sd
 from gaitopt.diagnose.record.defect import Defect, Found, bridged, counted, errors_of, spans_of
 from gaitopt.diagnose.record.settings import ClockSettings, DefectSettings
 from gaitopt.diagnose.record.trial import Series, Trial
@@ -53,7 +53,7 @@ def _unsure(trial: Trial, first: int, grid: float) -> Found:
         f"time stamps are rounded to {grid:g} s {_since(trial, first)}, and frames are missing: they stay, "
         f"and timing is known to ±{grid / 2:g} s only"
     )
-    unsure = replace(trial, clock_s=grid / math.sqrt(12.0))
+    unsure = replace(trial, clock_s=uniform_sd(grid))
     return unsure, Defect(
         "clock_rounding", trial.name, message, 0, _span(trial, first), {}, {"grid_s": grid}, "timing"
     )
@@ -70,7 +70,7 @@ def _restored(trial: Trial, first: int, grid: float, even: Series) -> Found:
         f"the even clock that they round"
     )
     # A grid that is a multiple of the frame leaves the clock free by one frame.
-    restored = replace(trial, time=time, clock_s=min(grid, float(np.median(np.diff(even)))) / math.sqrt(12.0))
+    restored = replace(trial, time=time, clock_s=uniform_sd(min(grid, float(np.median(np.diff(even))))))
     return restored, Defect(
         "clock_rounding", trial.name, message, 0, _span(trial, first), errors, {"grid_s": grid}, "timing"
     )

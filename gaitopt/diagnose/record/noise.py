@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from gaitopt.core.statistics import noise_sd
+from gaitopt.core.statistics import noise_sd, uniform_sd
 from gaitopt.diagnose.record.trial import Series, Trial
 
 
@@ -19,7 +17,7 @@ def noise_of(series: Series) -> float:
         series: evenly sampled, finite, shape (n,).
     """
     spread = noise_sd(series, 2) if len(series) > 2 else 0.0
-    return max(spread, quantum_of(series) / math.sqrt(12.0))
+    return max(spread, uniform_sd(quantum_of(series)))
 
 
 def quantum_of(series: Series) -> float:
