@@ -60,6 +60,7 @@ class SignalGap:
             "size_ratio": self.split.size,
             "delay_s": self.split.delay_s,
             "by_phase": self.split.by_phase.tolist(),
+            "shares": self.split.shares,
         }
 
 

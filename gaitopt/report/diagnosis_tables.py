@@ -224,7 +224,7 @@ def _size_and_delay(part: Split) -> list[str]:
 
 def _shares(part: Split) -> list[str]:
     """Return the share of each component of a signal's squared gap."""
-    return [f"{100 * square / (part.rms**2 or 1.0):.0f} %" for square in part.squares.values()]
+    return [f"{100 * share:.0f} %" for share in part.shares.values()]
 
 
 def floors(diagnosis: Diagnosis) -> Table:

@@ -62,6 +62,12 @@ class Split:
         """The gap, m or rad."""
         return math.sqrt(sum(self.squares.values()))
 
+    @property
+    def shares(self) -> dict[str, float]:
+        """Share of each component of the squared gap, by name."""
+        total = sum(self.squares.values()) or 1.0
+        return {name: square / total for name, square in self.squares.items()}
+
 
 def split(
     aligned: Aligned,
