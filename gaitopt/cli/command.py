@@ -97,7 +97,10 @@ class Parser(argparse.ArgumentParser):
             parser = self
             for word in args or ():
                 parser = parser.commands.get(word, parser)
-            parser.error(f"found {unknown[0]!r}{nearest(unknown[0].partition('=')[0], parser.words)}")
+            word = unknown[0]
+            if not word.startswith("-"):
+                parser.error(f"found one argument too many: {word!r}")
+            parser.error(f"unknown option {word!r}{nearest(word.partition('=')[0], parser.words)}")
         return options
 
     def error(self, message: str) -> NoReturn:

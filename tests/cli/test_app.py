@@ -39,6 +39,7 @@ def test_help_and_version(gaitopt: Run) -> None:
         ["simulate", "arcfold", "square-1s", "--set", "mass=heavy"],
         ["sweep", "arcfold"],
         ["model", "arcfold"],
+        ["simulate", "arcfold", "square-1s", "square-2s"],
         ["command", "arcfold", "square-1s"],
     ],
 )
