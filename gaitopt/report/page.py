@@ -151,12 +151,16 @@ def _once(*names: str) -> list[str]:
 
 
 def typeset(text: str) -> Markup:
-    """Return a text as HTML with minus signs, and with figures and units, and gaits' names, on one line."""
+    """Return a text as HTML with minus signs, and with figures and units, and gaits' names, on one line.
+
+    Commands of gaitopt in backticks, as in the terminal, are set as code.
+    """
     html = str(escape(plain(text)))
     html = re.sub(r"(?<![\w.)\]-])-(?=[\d∞])", "−", html)
     html = re.sub(r"(?<=\d) ?%", "\u00a0%", html)
     html = re.sub(rf"(?<=\d) (?=(?:{_UNIT})(?!\w))", "\u00a0", html)
     html = html.replace("N m", "N\u00a0m")
+    html = re.sub(r"`(gaitopt [a-z]+)`", r"<code>\g<1></code>", html)
     return Markup(re.sub(r"\b[a-z]+-\d[\w.]*\w", r'<span class="whole">\g<0></span>', html))
 
 
