@@ -112,3 +112,4 @@ def test_a_diagnosis_says_the_same_everywhere(
     terminal = run(capsys, "diagnose", "arcfold", trials, "--out", out, "--quiet")
     content, page = json.loads((out / "diagnosis.json").read_text()), (out / "report.html").read_text()
     held_to([content, 90], page, terminal)
+    assert len(tables_of(page)["Each signal"]) == len(content["trials"][0]["signals"])
