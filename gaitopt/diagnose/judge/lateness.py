@@ -37,11 +37,14 @@ class Lateness:
         sd_s: standard deviation of the delays, s.
         ci90: 90 % interval of that, s.
         explained: share of the differences' squares above the noise that delays explain.
+        log_likelihood: logarithm of the likelihood of the differences, up to a constant: the larger, the
+            better the robot that was simulated.
     """
 
     sd_s: float
     ci90: tuple[float, float]
     explained: float
+    log_likelihood: float
 
 
 @dataclass(frozen=True)
@@ -247,4 +250,4 @@ def _likeliest(known: Sequence[_Differences], settings: LatenessSettings) -> Lat
     if gain < settings.gain or explained < settings.explained or best == 0:
         return None
     likely = sizes[logs >= logs[best] - settings.interval]
-    return Lateness(float(sizes[best]), (float(likely[0]), float(likely[-1])), explained)
+    return Lateness(float(sizes[best]), (float(likely[0]), float(likely[-1])), explained, float(logs[best]))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.residual import WhitenedTrial
+from gaitopt.diagnose.fit.trials import TrialSet
 from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.judgement import Judgement
@@ -83,27 +84,41 @@ def judged_by_sets(
 def _late_commands(judgement: Judgement, floors: Sequence[Floors], context: Context) -> _LateCommands | None:
     """Return how late commands act by chance; None where repeats do not show it.
 
-    What late changes do is simulated with the best robot so far, the second time at the delay that was found.
+    What late changes do is simulated with the nominal robot and with the best one so far, which may have
+    effects in place of the delays. The one under which the repeats' differences are likelier tells.
     """
-    settings, trial_set = context.settings.lateness, judgement.trial_set
-    candidates = judgement.ranking.candidates
-    effects = candidates[0].effect_values if candidates else {}
-    robot = Simulator.build(trial_set.problem.with_effects(effects), fidelity=trial_set.simulator.fidelity)
+    trial_set, candidates = judgement.trial_set, judgement.ranking.candidates
+    best = candidates[0].effect_values if candidates else {}
+    corrected = trial_set.problem.with_effects(best)
+    robots = [trial_set.simulator, Simulator.build(corrected, fidelity=trial_set.simulator.fidelity)]
+    found = [(robot, _lateness(robot, trial_set, floors, context)) for robot in robots]
+    known = [(robot, lateness) for robot, lateness in found if lateness is not None]
+    if not known:
+        return None
+    robot, lateness = max(known, key=lambda pair: pair[1].log_likelihood)
+    width = np.sqrt(12.0) * lateness.sd_s
+    delays = [
+        simulate_late_changes(
+            robot, trial_set.trials, context.executor, share * width, context.settings.lateness
+        )
+        for share in _DELAYS
+    ]
+    return _LateCommands(lateness, delays)
+
+
+def _lateness(
+    robot: Simulator, trial_set: TrialSet, floors: Sequence[Floors], context: Context
+) -> Lateness | None:
+    """Return how late commands act by a robot, the second time at the delay that was found."""
+    settings = context.settings.lateness
     by_s, lateness = settings.tried_s, None
     for _ in range(settings.rounds):
         changes = simulate_late_changes(robot, trial_set.trials, context.executor, by_s, settings)
         lateness = measure_lateness(trial_set.trials, floors, changes, settings)
         if lateness is None:
-            break
+            return None
         by_s = max(settings.tried_s, lateness.sd_s)
-    if lateness is None:
-        return None
-    width = np.sqrt(12.0) * lateness.sd_s
-    delays = [
-        simulate_late_changes(robot, trial_set.trials, context.executor, share * width, settings)
-        for share in _DELAYS
-    ]
-    return _LateCommands(lateness, delays)
+    return lateness
 
 
 def _whitened_with(judgement: Judgement, late: _LateCommands) -> Judgement:
