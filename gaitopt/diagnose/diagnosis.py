@@ -14,7 +14,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import OnProgress, Progress, numbered, silent
 from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
-from gaitopt.diagnose.fit.runner import FINISHING, FITTING, FITTING_PAIRS, FITTING_SETS, Runner
+from gaitopt.diagnose.fit.runner import Runner
 from gaitopt.diagnose.gap.align import align, pooled_angle_rms, pooled_marker_rms
 from gaitopt.diagnose.gap.floor import marker_floor, measure_floors
 from gaitopt.diagnose.gap.leftover import top_speeds
@@ -34,6 +34,7 @@ from gaitopt.diagnose.judge.settings import DEFAULT, DiagnosisSettings
 from gaitopt.diagnose.predictions import Prediction, predictions
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import DataSet
+from gaitopt.diagnose.stages import FLOOR, NEXT, PREDICTING, stages
 from gaitopt.diagnose.trial_gap import TrialGap, trial_gap
 from gaitopt.effects import EFFECTS
 from gaitopt.effects.active import EffectValues
@@ -273,14 +274,6 @@ class Diagnosis:
         }
 
 
-_FLOOR, _PREDICTING, _NEXT = "measuring the floor", "predicting gaits", "looking for what to measure next"
-_STAGES = {
-    False: (_FLOOR, FITTING, FINISHING, FITTING_PAIRS, _PREDICTING),
-    True: (_FLOOR, FITTING_SETS, _PREDICTING),
-}
-"""Names of the stages, without and with logged commands; what is not needed is skipped."""
-
-
 def diagnose(
     simulator: Simulator,
     dataset: DataSet,
@@ -307,22 +300,22 @@ def diagnose(
     """
     tried = _hypotheses(simulator, dataset, request.effects)
     logged = any(trial.has_log for trial in dataset.trials)
-    on_progress = numbered(on_progress, [*_STAGES[logged], *([_NEXT] if request.next_gait else [])])
-    on_progress(Progress(_FLOOR))
+    on_progress = numbered(on_progress, stages(logged, request.next_gait))
+    on_progress(Progress(FLOOR))
     located = locate(simulator, dataset, executor, request.seed, settings.gap)
     parts = [trial.aligned for trial in located.fitting], [trial.floors for trial in located.fitting]
     angles = located.located_gap_angles
     gap = NominalGap(simulator, *parts, located.located_gap.floor, angles.floor if angles else None)
     context = Context(Runner(executor, on_progress, cache), request.seed, settings)
     found = find_causes(gap, tried, context)
-    on_progress(Progress(_PREDICTING))
+    on_progress(Progress(PREDICTING))
     robots = draw_robots(found, request.seed)
     expected = predictions(found, robots, executor, request.seed)
     names = tuple(dict.fromkeys(one.effect.name for one in tried)) if found.candidates else ()
     located = replace(located, robots=robots, predictions=expected, tried=names)
     if found.verdict == "no_gap" or not request.next_gait:
         return replace(located, found=found)
-    on_progress(Progress(_NEXT))
+    on_progress(Progress(NEXT))
     experiment = _next_experiment(simulator, located, found, context)
     return replace(located, found=found, experiment=experiment)
 

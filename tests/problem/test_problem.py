@@ -86,7 +86,7 @@ def test_a_gait_that_is_not_there_says_what_is(tmp_path: Path, strider: Problem)
         strider.find_gait("sqare")
     assert str(error.value) == (
         "sqare: neither a baseline nor a gait file nor an exported table nor a run folder; "
-        "baselines: stride, square"
+        "baselines: stride, square (nearest: 'square')"
     )
     with pytest.raises(GaitoptError, match=r"best\.toml: no such file; .* is not a finished run folder"):
         strider.find_gait(str(tmp_path))
