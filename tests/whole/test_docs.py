@@ -256,3 +256,11 @@ def test_the_demos_problem_is_shorter_than_the_real_one() -> None:
         real.simulation.horizon.cycles(gait.period_s)
     )
     assert problem.file.parameters == real.file.parameters
+
+
+def test_the_places_that_answer_questions_are_on_pages() -> None:
+    table = (ROOT / "docs/reports.md").read_text().partition("## Ten questions")[2].partition("\n## ")[0]
+    titles = re.findall(r"\*\*(.+?)\*\*", table)
+    code = "".join(path.read_text() for path in (ROOT / "gaitopt/report").glob("*.py"))
+    assert len(titles) > 8
+    assert not [title for title in titles if f'{title}"' not in code]
