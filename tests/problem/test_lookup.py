@@ -35,7 +35,8 @@ def test_every_bundled_problem_loads() -> None:
 def test_an_unknown_problem_says_which_exist() -> None:
     assert complaint("arcfoldd") == (
         "arcfoldd: no such problem; allowed: a folder with problem.toml, a problem TOML, "
-        "or one of arcfold, arcfold-held, arcfold-published, quadruped, servo-bench, snake"
+        "or one of arcfold, arcfold-held, arcfold-published, quadruped, servo-bench, snake "
+        "(nearest: 'arcfold')"
     )
 
 
