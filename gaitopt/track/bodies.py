@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -28,6 +29,9 @@ _STEP, _MOVES = 1e-5, 1e-7
 
 _ROUNDS, _STRIDE, _SETTLED = 20, 0.4, 1e-4
 """Most rounds of a fit of angles, the longest step in one, and that after which it has settled, rad."""
+
+_OTHER = 0.02
+"""Angles further apart than this are other angles, rad: a little bent, an arch is as long up as down."""
 
 _BEYOND = 0.1
 """How far beyond its range an angle may be found, rad."""
@@ -144,12 +148,14 @@ class Angles:
         variances: their variances for errors of 1 in each direction, shape (n,).
         away: the distance that no angle explains, m.
         error: sum of the squared errors in standard deviations.
+        doubt: by how much the error of the best other angles is larger; infinite where none were found.
     """
 
     values: Array
     variances: Array
     away: float
     error: float
+    doubt: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -208,7 +214,11 @@ class Link:
         weights = np.asarray(np.linalg.pinv(_relative_spread(one, other, seen)), dtype=float)
         found = [self._from(q, seen, weights) for q in (self._starts() if start is None else [start])]
         known = [angles for angles in found if angles is not None]
-        return min(known, key=lambda angles: angles.error) if known else None
+        if not known:
+            return None
+        best = min(known, key=lambda angles: angles.error)
+        others = [a.error for a in known if np.abs(a.values - best.values).max() > _OTHER]
+        return replace(best, doubt=min(others, default=math.inf) - best.error)
 
     def _starts(self) -> list[Array]:
         """Return angles to begin with: those before the gait, and others within the joints' ranges."""

@@ -360,6 +360,8 @@ def _angles(
         away[index], spread = solved.away, noise * solved.variances
         if solved.error > settings.outlier**2 * noise * (6 - len(spread)):
             continue  # one of the two poses is wrong
+        if solved.doubt < settings.outlier**2 * noise:
+            continue  # other angles explain the poses as well
         known = spread < settings.joint_rad**2
         if known.any():
             known &= link.straight(solved.values, _REACH * np.sqrt(spread))

@@ -130,6 +130,20 @@ def test_loose_tags_on_the_floor_are_placed() -> None:
     assert room.sizes == pytest.approx(dict.fromkeys(layout, 1.0), abs=0.01)
 
 
+def test_an_angle_is_not_guessed_where_another_one_explains_the_poses_as_well(
+    arcfold: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A little bent, an arch is as short one way as the other."""
+    robot = robot_of(arcfold)
+    middle = np.full(12, 0.17)
+    found = tracked(arcfold, frames_of(robot, poses(robot, middle), [camera()] * 12, 0.01), monkeypatch)
+    assert "joint.mid_left" not in found.signals
+    middle = np.linspace(0.6, 0.08, 24)
+    found = tracked(arcfold, frames_of(robot, poses(robot, middle), [camera()] * 24, 0.01), monkeypatch)
+    known = np.isfinite(found.signals["joint.mid_left"])
+    assert found.signals["joint.mid_left"][known] == pytest.approx(middle[known], abs=0.03)
+
+
 @pytest.mark.parametrize("held", [False, True])
 def test_signals_are_right_and_their_noise_is_stated(
     held: bool, arcfold: Problem, monkeypatch: pytest.MonkeyPatch
