@@ -85,7 +85,7 @@ def _sections(folder: Path, film: FilmTrack | PointTrack, tracker: Tracker | Non
             "Each signal about its mean. Shaded: gaps, where nothing was seen, or was left out.",
         )
     }
-    caption = f"The first picture with {what}. The whole film: overlays/{stem}.mp4. {film.sync.sentence()}."
+    caption = f"The first picture with {what}. The whole film: overlays/{stem}.mp4; {film.sync.sentence()}."
     return [
         image_section(f"{stem}: what was found", buffer.getvalue(), "png", caption),
         Section(f"{stem}: next time", sentences=better or ["Nothing to do better."]),
