@@ -12,8 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import CHROMIUM
 from campaigns import begun, brief, content, told_twice, walker
 from helpers import STRIDER, still
+from page_audit import faults_of
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.jobs.campaign import Campaign
@@ -160,7 +162,10 @@ def test_a_robot_behind_a_function_is_filmed_until_it_is_done(campaign: Campaign
         rivals = campaign.compare(robot, films=2)
     assert done.done or campaign._folder.tellings == 3
     assert [len(tried) for _, tried in rivals] == [1, 2]
-    assert "Bayesian optimisation without a simulator" in (campaign.path / "campaign.html").read_text()
+    page = campaign.path / "campaign.html"
+    assert "Bayesian optimisation without a simulator" in page.read_text()
+    if CHROMIUM is not None:
+        assert faults_of(page) == []
 
 
 def test_an_interrupted_step_goes_on_with_whatever_is_asked(

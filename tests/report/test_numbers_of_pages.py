@@ -5,7 +5,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from browser import CHROMIUM
 from helpers import STRIDER
+from page_audit import faults_of
 from pages import foreign_numbers, tables_of, tiles_of
 from planting import dataset, recording_of
 
@@ -113,3 +115,5 @@ def test_a_diagnosis_says_the_same_everywhere(
     content, page = json.loads((out / "diagnosis.json").read_text()), (out / "report.html").read_text()
     held_to([content, 90], page, terminal)
     assert len(tables_of(page)["Each signal"]) == len(content["trials"][0]["signals"])
+    if CHROMIUM is not None:
+        assert faults_of(out / "report.html") == []
