@@ -22,7 +22,7 @@ from gaitopt.problem.problem import Problem
 from gaitopt.problem.tags import SHEET_TAGS, TAG_SIZES_MM, Tag, check_tag_number
 from gaitopt.track.follow import Dot, Patch
 from gaitopt.track.found import FilmTrack
-from gaitopt.track.shutter import LONGEST_S
+from gaitopt.track.readout import LONGEST_S
 from gaitopt.track.sync import Beginning, FrameMark, LampMark, TagMark, TimeMark
 from gaitopt.track.tracking import Tracker, track_film
 from gaitopt.track.untagged import Length, PointTrack, PointTracker, track_point
@@ -49,7 +49,7 @@ class TrackOptions:
         ruler_mm: length of the printed ruler of 100 mm, mm.
         sync: what shows that the gait begins in each film: one for all, or one each; none where nothing does.
         readout_ms: how much later the phone reads the last row of its pictures than the first, ms; by default
-            as a moving camera shows it, and 0 for one that stands still.
+            as a moving camera or a moving robot shows it.
         points: for films without tags a point and a known length: one for all, or one each.
     """
 

@@ -238,13 +238,13 @@ class Link:
             normal = slopes.T @ weights @ slopes
             if not np.isfinite(normal).all() or np.linalg.matrix_rank(normal) < len(q):
                 return None
-            step = np.linalg.solve(normal, slopes.T @ weights @ _difference(seen, self._relative(q)))
+            step = np.linalg.solve(normal, slopes.T @ weights @ _difference(seen, self.relative(q)))
             q = np.asarray(q + np.clip(step, -_STRIDE, _STRIDE), dtype=float)
             if np.abs(step).max() < _SETTLED:
                 break
         else:
             return None
-        left = _difference(seen, self._relative(q))
+        left = _difference(seen, self.relative(q))
         inside = all(
             low - _BEYOND <= angle <= high + _BEYOND
             for angle, (low, high) in zip(q, map(self._range, self.joints), strict=True)
@@ -277,10 +277,10 @@ class Link:
         for index in range(len(q)):
             step = np.zeros_like(q)
             step[index] = _STEP
-            columns.append(_difference(self._relative(q + step), self._relative(q - step)) / (2.0 * _STEP))
+            columns.append(_difference(self.relative(q + step), self.relative(q - step)) / (2.0 * _STEP))
         return np.stack(columns, axis=1) if columns else np.empty((6, 0))
 
-    def _relative(self, q: Array) -> Relative:
+    def relative(self, q: Array) -> Relative:
         """Return turn and shift of the other body in the frame of the one, by the model."""
         data = self.data
         data.qpos[:] = self.model.key_qpos[0]

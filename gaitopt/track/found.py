@@ -35,7 +35,7 @@ class FilmTrack:
         frames: corners of the tags in each picture.
         edges_px: median edge of each tag in the pictures, pixels.
         readout_s: how much later the last row of a picture is seen than the first, s, as a moving camera
-            shows or was said; 0 where that is not known.
+            or robot shows or was said; 0 where that is not known.
         sync: when the gait began.
     """
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from gaitopt.robot.rotation import roll_pitch_yaw
 from gaitopt.track.bodies import TaggedBody
-from gaitopt.track.pose import Pose, cross, poses_of
+from gaitopt.track.pose import Pose, cross, follows, poses_of
 from gaitopt.track.room import Room, Seen
 from gaitopt.track.settings import DEFAULT, TrackSettings
 
@@ -47,32 +47,6 @@ class Path:
     def seen(self) -> NDArray[np.bool_]:
         """In which pictures the body has a pose, shape (n,)."""
         return np.array([pose is not None for pose in self.poses], dtype=bool)
-
-    def on_time(self, times: Array, late: Array) -> Path:
-        """Return the path as it was at the pictures' time stamps.
-
-        What a body moved since is taken back by the speed that the pictures beside it show; where there is
-        none, nothing is.
-
-        Args:
-            times: the time stamps, s, shape (n,).
-            late: how much later the body was seen, s, shape (n,).
-        """
-        if not late.any():
-            return self
-        poses = list(self.poses)
-        moments = times + late
-        for index, pose in enumerate(self.poses):
-            near = [i for i in range(index - 1, index + 2) if 0 <= i < len(poses)]
-            known = [(moments[i], p) for i in near if (p := self.poses[i]) is not None]
-            if pose is None or len(known) < 2:
-                continue
-            (begin, before), (end, after) = known[0], known[-1]
-            back = -late[index] / (end - begin)
-            turn = Rotation.from_rotvec(back * Rotation.from_matrix(after.turn @ before.turn.T).as_rotvec())
-            shift = pose.shift + back * (after.shift - before.shift)
-            poses[index] = replace(pose, turn=turn.as_matrix() @ pose.turn, shift=shift)
-        return replace(self, poses=tuple(poses))
 
     def point(self, own: Array) -> tuple[Array, Array]:
         """Return a point of the body in each picture, m, and its variance, m^2, both of shape (n, 3).
@@ -114,6 +88,7 @@ def path_of(
     cameras: Sequence[Pose | None],
     room: Room,
     settings: TrackSettings = DEFAULT,
+    doubts: Sequence[Seen] = (),
 ) -> Path:
     """Return the path of a body.
 
@@ -123,6 +98,8 @@ def path_of(
         cameras: pose of the floor in the camera's frame of each picture; with a spread where it moves.
         room: lens and floor.
         settings: what is an outlier.
+        doubts: how far the corners may be off besides, in each picture: standard deviations by tag, pixels,
+            shape (k, 4, 2), of k ways that are independent of each other.
     """
     choices = _choices(body, frames, cameras, room)
     found = [(poses[0], freedom) for poses, freedom in choices if poses]
@@ -143,7 +120,10 @@ def path_of(
             poses.append(None)
             continue
         others = [other for other in choices[index][0] if other is not pose]
-        poses.append(_with_camera(_with_others(pose, others, noise), camera, noise))
+        pose = _with_camera(_with_others(pose, others, noise), camera, noise)
+        if doubts:
+            pose = _with_doubts(pose, body, camera, doubts[index], room.lens.focal, noise)
+        poses.append(pose)
     return Path(tuple(poses), float(np.sqrt(noise) * room.lens.focal), tuple(left_out), noise)
 
 
@@ -238,6 +218,19 @@ def _with_camera(pose: Pose, camera: Pose, noise: float) -> Pose:
     arm = cross(camera.turn @ pose.shift)
     slopes = np.block([[-back, np.zeros((3, 3))], [back @ arm, -back]])
     return replace(pose, spread=pose.spread + slopes @ camera.spread @ slopes.T / noise)
+
+
+def _with_doubts(
+    pose: Pose, body: TaggedBody, camera: Pose, doubts: Seen, focal: float, noise: float
+) -> Pose:
+    """Return a pose whose spread holds that its corners may be off by more than chance."""
+    here = [number for number in body.tags if number in doubts]
+    if pose.spread is None or not here:
+        return pose
+    points = np.concatenate([body.tags[n] for n in here])
+    ways = np.concatenate([doubts[n] for n in here], axis=1) / focal
+    away = follows(points, pose, camera) @ ways.reshape(len(ways), -1).T
+    return replace(pose, spread=pose.spread + away @ away.T / noise)
 
 
 def _turn(one: Array, other: Array) -> float:

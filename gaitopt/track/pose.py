@@ -84,6 +84,20 @@ def fitted(points: Array, directions: Array, start: Pose) -> Pose | None:
     return Pose(turn, shift, error, np.asarray(np.linalg.pinv(slopes.T @ slopes), dtype=float))
 
 
+def follows(points: Array, pose: Pose, camera: Pose) -> Array:
+    """Return how a fitted pose turns and shifts with errors of the directions, shape (6, 2 n).
+
+    Args:
+        points: in the body's frame, m, shape (n, 3).
+        pose: the pose that fits, in the outer frame.
+        camera: the outer frame's pose in the camera's.
+    """
+    seen = pose.seen_from(camera)
+    slopes = _linear(points, np.zeros((len(points), 2)), seen.turn, seen.shift)[1]
+    slopes = slopes @ np.kron(np.eye(2), camera.turn)
+    return np.asarray(np.linalg.pinv(slopes))
+
+
 def _linear(points: Array, directions: Array, turn: Array, shift: Array) -> tuple[float, Array, Array]:
     """Return the squared error, the slopes over turn and shift, shape (2 n, 6), and the residual, (2 n,)."""
     turned = points @ turn.T

@@ -24,7 +24,7 @@ from gaitopt.track.pose import Pose
 from gaitopt.track.room import FloorTag, Room, Seen, solved_room
 from gaitopt.track.seeing import Eye, edge_of
 from gaitopt.track.settings import DEFAULT, TrackSettings
-from gaitopt.track.shutter import lateness, said_readout, unrolled
+from gaitopt.track.shutter import said_readout, unrolled
 from gaitopt.track.sync import (
     UNKNOWN,
     Beginning,
@@ -109,7 +109,7 @@ def track_film(
         progress: called after some pictures.
         beginning: what shows that the gait begins, if it is known.
         readout_s: how much later the phone reads the last row of its pictures than the first, s; by default
-            as a moving camera shows it.
+            as a moving camera or a moving robot shows it.
 
     Raises:
         GaitoptError: it is no film, ends in the middle, or shows no tag of the robot or of the floor; or a
@@ -119,21 +119,18 @@ def track_film(
     shown = [beginning.tag] if isinstance(beginning, TagMark) else []
     eye = Eye([*robot.numbers(), *tracker.floor, *shown], tracker.floor, settings)
     lamp = Lamp(beginning, tracker.floor) if isinstance(beginning, LampMark) else None
-    time, frames, size = _seen(film, eye, lamp, progress)
+    time, frames, size, quarters = _seen(film, eye, lamp, progress)
     missing = _check_seen(film, robot, frames, eye)
     try:
         room = solved_room(frames, tracker.floor, size, settings)
         _check_sizes(room)
-        said = None if readout_s is None else said_readout(readout_s, facts_of(film).quarters)
-        view = unrolled(time, frames, room, tracker.floor, settings, said)
+        said = None if readout_s is None else said_readout(readout_s, quarters)
+        view = unrolled(time, frames, room, tracker.floor, robot, settings, said, quarters)
     except GaitoptError as error:
         raise GaitoptError(f"{film}: {error}") from None
     room, cameras = view.room, view.cameras
-    found = {}
-    for body in robot.bodies:
-        path = paths.path_of(body, view.frames, cameras, room, settings)
-        if path.seen.any():
-            found[body.site] = path.on_time(time, lateness(body.tags, frames, size, view.readout))
+    pairs = zip(robot.bodies, view.paths, strict=True)
+    found = {body.site: path for body, path in pairs if path.seen.any()}
     signals, noise = _signals(robot, found)
     joints, joint_noise, defects = _joints(film, robot, found, settings)
     defects += _wrong_sizes(film, robot, found, cameras)
@@ -153,7 +150,7 @@ def track_film(
         tuple(everything),
         frames,
         _edges(frames, numbers),
-        float(view.readout[np.argmax(np.abs(view.readout))]),
+        view.readout.main,
         sync,
     )
 
@@ -176,9 +173,10 @@ def _beginning(
 
 def _seen(
     film: Path, eye: Eye, lamp: Lamp | None, progress: OnProgress
-) -> tuple[Array, list[Seen], tuple[int, int]]:
-    """Return time stamps, corners of the tags in each picture, and the size of the pictures."""
-    total = facts_of(film).frames
+) -> tuple[Array, list[Seen], tuple[int, int], int]:
+    """Return time stamps, corners of the tags in each picture, and the pictures' size and quarter turns."""
+    facts = facts_of(film)
+    total = facts.frames
     times: list[float] = []
     frames: list[Seen] = []
     size = (0, 0)
@@ -195,7 +193,7 @@ def _seen(
         progress(Progress(film.name, len(times), max(total, len(times)) or None, "frames"))
     if len(times) < _FEWEST:
         raise GaitoptError(f"{film}: found {counted(len(times), 'picture')}; allowed: {_FEWEST} or more")
-    return np.array(times), frames, size
+    return np.array(times), frames, size, facts.quarters
 
 
 def _check_seen(film: Path, robot: TaggedRobot, frames: Sequence[Seen], eye: Eye) -> list[Defect]:

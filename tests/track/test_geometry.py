@@ -59,7 +59,7 @@ def poses(robot: TaggedRobot, middle: Array) -> list[list[Pose]]:
     (link,) = robot.links()
     found = []
     for index, angle in enumerate(middle):
-        turn, shift = link._relative(np.array([angle]))
+        turn, shift = link.relative(np.array([angle]))
         data.qpos[:] = model.key_qpos[0]
         mujoco.mj_kinematics(model, data)
         site = data.site(robot.bodies[0].site)
@@ -91,8 +91,8 @@ def tracked(
 ) -> tracking.FilmTrack:
     """What tracking makes of given corners."""
 
-    def given(*_: object) -> tuple[Array, list[dict[int, Array]], tuple[int, int]]:
-        return np.arange(len(frames)) / 30.0, frames, LENS.size
+    def given(*_: object) -> tuple[Array, list[dict[int, Array]], tuple[int, int], int]:
+        return np.arange(len(frames)) / 30.0, frames, LENS.size, 0
 
     monkeypatch.setattr(tracking, "_seen", given)
     tags = {int(n): tag for n, tag in problem.file.tags.items()}

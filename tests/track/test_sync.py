@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from gaitopt.core.streams import seeded
 from gaitopt.report.film.stage import Stand, looking
 from gaitopt.track.lens import Lens
-from gaitopt.track.path import Path
 from gaitopt.track.pose import Pose
 from gaitopt.track.room import FloorTag, Room
-from gaitopt.track.shutter import lateness, said_readout
+from gaitopt.track.shutter import said_readout
 from gaitopt.track.sync import FrameMark, Lamp, LampMark, first_motion, lit
 from gaitopt.track.tag import corners
 
@@ -80,18 +79,6 @@ def test_a_tag_that_rests_and_moves_shows_the_beginning() -> None:
 def test_a_picture_that_is_said_is_that_of_the_film() -> None:
     assert FrameMark(15).sync(TIME).at_s == pytest.approx(0.5)
     assert FrameMark(40).sync(TIME).how == "picture 40 was said; the film has 0 to 39"
-
-
-def test_a_body_is_put_where_it_was_at_the_time_stamp() -> None:
-    late = lateness([3], [{3: np.full((4, 2), 0.0)}] * 40, (640, 480), said_readout(0.02, 0))
-    assert late == pytest.approx(-0.01)
-    moments = TIME + late
-    poses = [Pose(np.eye(3), np.array([0.2 * t, 0.0, 0.0]), spread=np.eye(6)) for t in moments]
-    path = Path((*poses[:10], None, *poses[11:]), 0.03, (), 1.0)
-    seen, _ = path.on_time(TIME, late).point(np.zeros(3))
-    assert np.isnan(seen[10, 0])
-    kept = np.isfinite(seen[:, 0])
-    assert seen[kept, 0] == pytest.approx(0.2 * TIME[kept])
 
 
 @pytest.mark.parametrize(("quarters", "corner"), [(0, (0, 1)), (1, (1, 0)), (2, (0, -1)), (3, (-1, 0))])

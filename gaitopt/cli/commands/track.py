@@ -42,7 +42,7 @@ def add_options(parser: Parser) -> None:
         "--readout-ms",
         type=float,
         metavar="MS",
-        help="how much later the phone reads a picture's last row than its first; a film by hand shows it",
+        help="how much later the phone reads a picture's last row than its first; most films show it",
     )
     about = "write a page into this folder: tracks, gaps, noise, advice, and the films with the tags drawn in"
     add("--report", type=Path, metavar="DIR", help=about)
