@@ -258,6 +258,7 @@ class SetSettings:
         heldout_radius: longest step of a coordinate to the fit without a fold, in ranges: the slopes are not
             those of places farther away.
         inclusion: loss that the prior asks of each effect of a set when sets are judged on held-out trials.
+        probable: what the effects of a set change is simulated if the set is at least this probable.
         motion: error of a model that the first of these losses expects, as a share of the motion.
         reweighted: times that the weights of the trials are found anew for a step.
         first_radius: longest step of a coordinate at first, in ranges.
@@ -303,6 +304,7 @@ class SetSettings:
     gaussian: float = 1000.0
     heldout_radius: float = 0.1
     inclusion: float = 6.0
+    probable: float = 0.02
     motion: float = 0.1
     reweighted: int = 3
     first_radius: float = 0.35

@@ -26,7 +26,9 @@ from gaitopt.diagnose.fit.settings import SetSettings
 from gaitopt.diagnose.fit.single import robot_request
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.judge.candidates import Candidate, heldout
+from gaitopt.diagnose.judge.evidence import probabilities
 from gaitopt.diagnose.judge.precision import Interval
+from gaitopt.simulation.rollout import Simulator
 
 Array = NDArray[np.float64]
 
@@ -40,12 +42,14 @@ class SetJudge:
         loss: the robust loss.
         fitter: the fitter, for steps without a fold.
         settings: see `SetSettings`.
+        runner: simulates robots.
     """
 
     trial_set: TrialSet
     loss: RobustLoss
     fitter: SetFitter
     settings: SetSettings
+    runner: Runner
 
     @staticmethod
     def of(trial_set: TrialSet, runner: Runner, settings: SetSettings) -> SetJudge:
@@ -64,7 +68,9 @@ class SetJudge:
             trial_set.motions,
             tuple(product(settings.errors_rad, settings.error_shares)),
         )
-        return SetJudge(trial_set, loss, SetFitter(loss, simulate, trial_set.rows, settings), settings)
+        return SetJudge(
+            trial_set, loss, SetFitter(loss, simulate, trial_set.rows, settings), settings, runner
+        )
 
     def search(
         self, hypotheses: Sequence[Hypothesis], nominal: Comparison, known: Point = ()
@@ -128,25 +134,38 @@ class SetJudge:
         left: Array = self.trial_set.by_trial(candidate.heldout_loss) / self.loss.rows
         return left
 
-    def changes(self, fit: SetFit) -> dict[str, float]:
-        """Return the mean whitened square that each effect of a set changes, in the trial where it is most.
+    def left(self, whitened: Array) -> Array:
+        """Return the mean square of whitened rows in each trial, shape (trials,)."""
+        mean: Array = self.loss.squares(whitened) / self.loss.rows
+        return mean
+
+    def changes(self, fit: SetFit) -> dict[str, Array]:
+        """Return the mean whitened square that each effect of a set changes in each trial, shape (trials,).
 
         The slopes tell it; those of a limit or of free play tell too much of a small value.
         """
         moves = fit.shares - [h.share(h.neutral) for h in fit.hypotheses]
-        return self._most({h.name: fit.slopes[:, i] * moves[i] for i, h in enumerate(fit.hypotheses)})
+        return {h.name: self.left(fit.slopes[:, i] * moves[i]) for i, h in enumerate(fit.hypotheses)}
 
-    def simulated_changes(self, fit: SetFit) -> dict[str, float]:
+    def simulated_changes(self, fit: SetFit) -> dict[str, Array]:
         """Return the same from robots without each effect; by the slopes where one cannot be simulated."""
         point = fit.point
         requests = [robot_request(point[:i] + point[i + 1 :]) for i in range(len(point))]
         without = zip(fit.hypotheses, self.fitter.simulate(requests), strict=True)
-        return self.changes(fit) | self._most(
-            {h.name: robot.whitened - fit.robot.whitened for h, robot in without if robot is not None}
-        )
+        return self.changes(fit) | {
+            h.name: self.left(robot.whitened - fit.robot.whitened)
+            for h, robot in without
+            if robot is not None
+        }
 
-    def _most(self, changes: Mapping[str, Array]) -> dict[str, float]:
-        return {name: float(np.max(self.loss.squares(one) / self.loss.rows)) for name, one in changes.items()}
+    def timestep_changes(self, fit: SetFit) -> Array:
+        """Return the mean whitened square that the reference fidelity changes, shape (trials,)."""
+        problem = self.trial_set.problem.with_effects(robot_request(fit.point).effects)
+        robot = Simulator.build(problem, fidelity=problem.simulation.reference)
+        names = " ".join(f"{h.name}={at!r}" for h, at in fit.point)
+        (fine,) = self.runner.compare_robots(self.trial_set, {f"at the reference fidelity: {names}": robot})
+        same = np.zeros(len(self.loss.rows))
+        return same if fine is None else self.left(fine.whitened - fit.robot.whitened)
 
     def _step_without(self, fit: SetFit, weights: Array) -> Array:
         """Return the step, in ranges, to the fit with other weights of the blocks."""
@@ -163,7 +182,9 @@ class JudgedSets:
         candidates: the sets, the most probable first; the empty set is left out.
         scores: logarithm of the posterior weight of each, up to a constant, shape (candidates,).
         none: the same of the empty set.
-        changes: what each effect of a set changes, see `SetJudge.changes`; simulated for the first set.
+        changes: what each effect of a set changes, see `SetJudge.changes`; simulated for the probable sets.
+        by_timestep: what a finer timestep changes of the first set in each trial, as a mean whitened square,
+            shape (trials,).
         known: intervals of the effects that are at work as other evidence says: they are in every set.
     """
 
@@ -171,12 +192,15 @@ class JudgedSets:
     candidates: tuple[Candidate, ...]
     scores: Array
     none: float
-    changes: tuple[Mapping[str, float], ...]
+    changes: tuple[Mapping[str, Array], ...]
+    by_timestep: Array
     known: Mapping[str, Interval] = field(default_factory=dict)
 
     @staticmethod
     def of(
-        judge: SetJudge, sets: Sequence[SetFit], known: Mapping[str, Interval] = MappingProxyType({})
+        judge: SetJudge,
+        sets: Sequence[SetFit],
+        known: Mapping[str, Interval] = MappingProxyType({}),
     ) -> JudgedSets:
         """Return some sets, judged.
 
@@ -190,11 +214,15 @@ class JudgedSets:
         order = [i for i in np.argsort(-scores, kind="stable").tolist() if every[i].hypotheses]
         none = [float(score) for one, score in zip(every, scores, strict=True) if not one.hypotheses]
         none = [] if known else none
-        changes = [judge.simulated_changes(sets[i]) for i in order[:1]]
-        changes += [judge.changes(sets[i]) for i in order[1:]]
+        probable = probabilities(scores[order]) >= judge.settings.probable if order else np.array([])
+        changes = [
+            judge.simulated_changes(sets[i]) if simulated else judge.changes(sets[i])
+            for i, simulated in zip(order, probable.tolist(), strict=True)
+        ]
         candidates = tuple(every[i] for i in order)
         best = max(none, default=-math.inf)
-        return JudgedSets(judge, candidates, scores[order], best, tuple(changes), known)
+        by_timestep = judge.timestep_changes(sets[order[0]]) if order else np.zeros(len(judge.loss.rows))
+        return JudgedSets(judge, candidates, scores[order], best, tuple(changes), by_timestep, known)
 
     @property
     def scores_if_usual(self) -> Array:
