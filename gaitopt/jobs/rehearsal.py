@@ -154,7 +154,7 @@ def rehearse(
         motion = walk(problem, gait, seconds)
         stand, sheet = _placed(problem, stage_of(problem), motion, seconds - _REST_S, options.camera)
         stage = stage_of(problem, sheet)
-        phone = Phone(fps=options.fps, exposures=3)
+        phone = Phone(fps=options.fps, exposures=5 if options.hand else 9)
         if options.hand:
             phone = replace(phone, shake_m=_HAND_M, shake_deg=_HAND_DEG)
         times: list[Array] = []

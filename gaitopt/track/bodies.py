@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 
 Relative = tuple[Array, Array]
 """Turn, shape (3, 3), and shift, m, shape (3,)."""
+
+Tie = tuple[int, int, tuple[float, ...]]
+"""An equality constraint: dependent joint, leading joint, and the five coefficients."""
 
 _STEP, _MOVES = 1e-5, 1e-7
 """Turn of a joint in a difference quotient, rad, and the motion that counts as one, m or rad."""
@@ -124,6 +127,17 @@ class TaggedRobot:
         return sorted((link for link in links if link.joints), key=lambda link: len(link.joints))
 
 
+def _leaders_first(ties: Sequence[Tie]) -> tuple[Tie, ...]:
+    """Return constraints in an order in which each leading joint is known; of a ring, in any."""
+    ordered, left = [], list(ties)
+    while left:
+        waiting = {led for led, _, _ in left}
+        ready = [tie for tie in left if tie[1] not in waiting] or left
+        ordered += ready
+        left = [tie for tie in left if tie not in ready]
+    return tuple(ordered)
+
+
 def _site(data: mujoco.MjData, name: str | None) -> Relative:
     """Return turn and place of a site in the world."""
     site = data.site(name)
@@ -166,7 +180,8 @@ class Link:
         model: the robot.
         one, other: the bodies.
         joints: the joints that are free to move, by number; others follow through equality constraints.
-        equalities: dependent joint, leading joint and the five coefficients of each constraint.
+        equalities: dependent joint, leading joint and the five coefficients of each constraint; leaders come
+            first.
         data: where the model's poses are computed.
     """
 
@@ -174,7 +189,7 @@ class Link:
     one: TaggedBody
     other: TaggedBody
     joints: tuple[int, ...]
-    equalities: tuple[tuple[int, int, tuple[float, ...]], ...]
+    equalities: tuple[Tie, ...]
     data: mujoco.MjData
 
     @staticmethod
@@ -187,6 +202,7 @@ class Link:
             for i in rows
         )
         led = {tie[0] for tie in ties}
+        ties = _leaders_first(ties)
         free = [j for j in scalar_joints(model) if j not in led]
         data = mujoco.MjData(model)
         link = Link(model, one, other, tuple(free), ties, data)
@@ -286,11 +302,12 @@ class Link:
         data.qpos[:] = self.model.key_qpos[0]
         address = self.model.jnt_qposadr
         data.qpos[address[list(self.joints)]] = q
-        for _ in self.equalities:
-            for led, leading, coefficients in self.equalities:
-                away = data.qpos[address[leading]] - self.model.qpos0[address[leading]]
-                value = sum(c * away**i for i, c in enumerate(coefficients))
-                data.qpos[address[led]] = self.model.qpos0[address[led]] + value
+        for led, leading, coefficients in self.equalities:
+            away = float(data.qpos[address[leading]] - self.model.qpos0[address[leading]])
+            value = 0.0
+            for coefficient in reversed(coefficients):
+                value = value * away + coefficient
+            data.qpos[address[led]] = self.model.qpos0[address[led]] + value
         mujoco.mj_kinematics(self.model, data)
         (turn_one, place_one), (turn, place) = (_site(data, b.site) for b in (self.one, self.other))
         return turn_one.T @ turn, turn_one.T @ (place - place_one)

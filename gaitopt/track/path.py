@@ -48,6 +48,24 @@ class Path:
         """In which pictures the body has a pose, shape (n,)."""
         return np.array([pose is not None for pose in self.poses], dtype=bool)
 
+    def doubted(
+        self, body: TaggedBody, cameras: Sequence[Pose | None], doubts: Sequence[Seen], focal: float
+    ) -> Path:
+        """Return the path with spreads that hold that corners may be off by more than chance.
+
+        Args:
+            body: the body.
+            cameras: as for `path_of`.
+            doubts: how far the corners may be off in each picture: standard deviations by tag, pixels, shape
+                (k, 4, 2), of k ways that are independent of each other.
+            focal: focal length, pixels.
+        """
+        poses = list(self.poses)
+        for index, (pose, camera) in enumerate(zip(self.poses, cameras, strict=True)):
+            if pose is not None and camera is not None:
+                poses[index] = _with_doubts(pose, body, camera, doubts[index], focal, self.noise)
+        return replace(self, poses=tuple(poses))
+
     def point(self, own: Array) -> tuple[Array, Array]:
         """Return a point of the body in each picture, m, and its variance, m^2, both of shape (n, 3).
 
@@ -88,7 +106,6 @@ def path_of(
     cameras: Sequence[Pose | None],
     room: Room,
     settings: TrackSettings = DEFAULT,
-    doubts: Sequence[Seen] = (),
 ) -> Path:
     """Return the path of a body.
 
@@ -98,8 +115,6 @@ def path_of(
         cameras: pose of the floor in the camera's frame of each picture; with a spread where it moves.
         room: lens and floor.
         settings: what is an outlier.
-        doubts: how far the corners may be off besides, in each picture: standard deviations by tag, pixels,
-            shape (k, 4, 2), of k ways that are independent of each other.
     """
     choices = _choices(body, frames, cameras, room)
     found = [(poses[0], freedom) for poses, freedom in choices if poses]
@@ -120,10 +135,7 @@ def path_of(
             poses.append(None)
             continue
         others = [other for other in choices[index][0] if other is not pose]
-        pose = _with_camera(_with_others(pose, others, noise), camera, noise)
-        if doubts:
-            pose = _with_doubts(pose, body, camera, doubts[index], room.lens.focal, noise)
-        poses.append(pose)
+        poses.append(_with_camera(_with_others(pose, others, noise), camera, noise))
     return Path(tuple(poses), float(np.sqrt(noise) * room.lens.focal), tuple(left_out), noise)
 
 

@@ -13,7 +13,7 @@ from gaitopt.track.opencv import opencv
 
 Array = NDArray[np.float64]
 
-_ROUNDS, _STEP = 15, 1e-10
+_ROUNDS, _STEP = 15, 1e-8
 """Most rounds of a fit, and the step after which it ends."""
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,12 +23,12 @@ LONGEST_S = 0.05
 """No phone takes longer to read a picture, s."""
 
 _SURE = 4.0
-"""A shutter counts as rolling if its time is this many standard deviations from 0."""
+"""A phone reads across what its film says, if that time is so many standard deviations from 0."""
 
 _FEWEST = 12
 """Fewest corners of the floor in a picture that tells something of the shutter."""
 
-_MOST = 150
+_MOST = 60
 """Most pictures in which the robot is looked at: those in which it moves fastest."""
 
 _STEP = 1e-6
@@ -39,8 +39,8 @@ class Readout:
     """How much later the last column and the last row of an upright picture are seen than the first.
 
     Attributes:
-        seconds: the two times, s, shape (2,); 0 where they are not known well.
-        sd: their standard deviations, s, shape (2,); infinite where nothing shows them.
+        seconds: the two times, s, shape (2,).
+        sd: their standard deviations, s, shape (2,).
     """
 
     seconds: Array
@@ -67,11 +67,12 @@ class _View:
     rolled: Array
 
 
-UNKNOWN = Readout(np.zeros(2), np.full(2, np.inf))
-
-
 def of_floor(
-    frames: Sequence[Seen], sweeps: Sequence[Sweep], cameras: Sequence[Pose | None], room: Room
+    frames: Sequence[Seen],
+    sweeps: Sequence[Sweep],
+    cameras: Sequence[Pose | None],
+    room: Room,
+    expected: Array,
 ) -> Readout:
     """Return the readout that the tags of the floor show to a camera that moves.
 
@@ -83,8 +84,11 @@ def of_floor(
         sweeps: how they move there.
         cameras: the floor's pose in the frame of the camera of each.
         room: lens and floor.
+        expected: standard deviations of the two times before the film is seen, s, shape (2,). One of 0 is
+            the time across the direction in which the film says that the phone reads: it is believed if the
+            pictures leave no doubt.
     """
-    return _solved(_floor_views(frames, sweeps, cameras, room))
+    return _solved(_floor_views(frames, sweeps, cameras, room), expected)
 
 
 def of_robot(
@@ -94,6 +98,7 @@ def of_robot(
     room: Room,
     robot: TaggedRobot,
     paths: Sequence[Path],
+    expected: Array,
     settings: TrackSettings = DEFAULT,
 ) -> Readout:
     """Return the readout that the tags of the robot show.
@@ -105,6 +110,7 @@ def of_robot(
         frames, sweeps, cameras, room: as for `of_floor`.
         robot: the robot with its tags.
         paths: the path of each of its bodies.
+        expected: as for `of_floor`.
         settings: what is an outlier.
     """
     by_site = {body.site: path for body, path in zip(robot.bodies, paths, strict=True)}
@@ -112,11 +118,11 @@ def of_robot(
     for link in robot.links():
         pair = (by_site[link.one.site], by_site[link.other.site])
         views += _link_views(link, pair, frames, sweeps, cameras, room, settings)
-    return _solved(views)
+    return _solved(views, expected)
 
 
-def _solved(views: Iterator[_View] | Sequence[_View]) -> Readout:
-    """Return the readout that explains best what rigid things leave unexplained."""
+def _solved(views: Iterable[_View], expected: Array) -> Readout:
+    """Return the readout that explains best what rigid things leave unexplained, and what is expected."""
     normal, pull, square, count = np.zeros((2, 2)), np.zeros(2), 0.0, 0
     for view in views:
         free = np.linalg.qr(view.slopes)[0]
@@ -126,16 +132,18 @@ def _solved(views: Iterator[_View] | Sequence[_View]) -> Readout:
         square += float(left @ left)
         count += len(left) - view.slopes.shape[1]
     if count == 0 or np.linalg.matrix_rank(normal) < 2:
-        return UNKNOWN
-    both = np.asarray(np.linalg.solve(normal, pull), dtype=float)
+        return Readout(np.zeros(2), expected)
+    both = np.linalg.solve(normal, pull)
     noise = max(square - float(pull @ both), 0.0) / count
-    sd = np.asarray(np.sqrt(np.diag(np.linalg.inv(normal)) * noise), dtype=float)
-    known = (np.abs(both) > _SURE * sd) & (np.abs(both) < LONGEST_S)
-    if known.all():
-        return Readout(both, sd)
-    alone, own = pull / np.diag(normal), np.sqrt(noise / np.diag(normal))  # of one where the other is 0
-    sd = np.asarray(np.where(known, own, sd), dtype=float)
-    return Readout(np.asarray(np.where(known, alone, 0.0), dtype=float), sd)
+    sure = np.abs(both) > _SURE * np.sqrt(noise * np.diag(np.linalg.inv(normal)))
+    seconds, sd = np.zeros(2), np.zeros(2)
+    free = np.flatnonzero((sure & (np.abs(both) < LONGEST_S)) | (expected > 0.0))
+    if len(free):
+        prior = [noise / expected[k] ** 2 if expected[k] else 0.0 for k in free]
+        narrow = normal[np.ix_(free, free)] + np.diag(prior)
+        seconds[free] = np.linalg.solve(narrow, pull[free])
+        sd[free] = np.sqrt(noise * np.diag(np.linalg.inv(narrow)))
+    return Readout(np.clip(seconds, -LONGEST_S, LONGEST_S), sd)
 
 
 def _floor_views(

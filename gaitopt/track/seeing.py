@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cache
 
 import numpy as np
@@ -19,6 +19,9 @@ _ROUNDS, _GAIN = 20, 1e-4
 """Most rounds in which a pattern is laid on a picture, and the gain in correlation after which that ends."""
 
 
+_RAREST, _AROUND = 40, 1.0
+"""Most pictures between searches for what is not there, and room around a tag that is lost, in its edges."""
+
 _FINEST = 10
 """Most pixels along a cell of a pattern: more take time and say no more."""
 
@@ -27,7 +30,9 @@ class Eye:
     """Follows tags through a film: each is laid on the picture where it was before, and searched when lost.
 
     While the tags of the floor rest, one of them is looked at in each picture, in turn; the others count as
-    where they were. As soon as it has moved, all are looked at.
+    where they were. As soon as it has moved, all are looked at. A hand that moves the floor's tags in the
+    picture moves all. What is lost is searched around its last place, then everywhere; what is not there is
+    searched ever less often.
 
     Args:
         numbers: the tags that are looked for.
@@ -45,24 +50,22 @@ class Eye:
         self._numbers, self._floor, self._settings = frozenset(numbers), frozenset(floor), settings
         self._resting: set[int] = set()
         self._last: dict[int, tuple[Array, Array]] = {}
-        self._frame = 0
+        self._frame = self._next = 0
+        self._pause = settings.search_every
         self.strangers: set[int] = set()
 
     def look(self, picture: Picture) -> dict[int, Array]:
         """Return the corners of the tags in the next picture, by number, pixels, shape (4, 2)."""
         found = self._rested(picture)
-        for number, (corners, motion) in self._last.items():
-            laid = None if number in found else aligned(picture, number, corners + motion, self._settings)
-            if laid is not None:
-                found[number] = laid
+        self._follow(picture, found)
         lost = any(number not in found for number in self._last)
-        due = len(found) < len(self._numbers) and self._frame % self._settings.search_every == 0
-        if lost or due or not self._last:
-            for number, corners in self._searched(picture):
-                if number not in found:
-                    laid = aligned(picture, number, corners, self._settings)
-                    if laid is not None:
-                        found[number] = laid
+        if lost or not self._last:
+            self._pause, self._next = self._settings.search_every, self._frame
+        if len(found) < len(self._numbers) and self._frame >= self._next:
+            more = self._laid(picture, self._searched(picture), found)
+            self._pause = self._settings.search_every if more else min(2 * self._pause, _RAREST)
+            self._next = self._frame + self._pause
+            found |= more
         before = {number: corners for number, (corners, _) in self._last.items()}
         here = [n for n in found if n in self._floor]
         moved = [_moved(found[n], before[n]) if n in before else np.inf for n in here]
@@ -70,6 +73,27 @@ class Eye:
         self._last = {n: (c, c - before[n] if n in before else np.zeros((4, 2))) for n, c in found.items()}
         self._frame += 1
         return found
+
+    def _follow(self, picture: Picture, found: dict[int, Array]) -> None:
+        """Add the tags that were seen before and are near where they should be; the floor's come first."""
+        guesses = {n: corners + motion for n, (corners, motion) in self._last.items()}
+        for number in sorted(guesses, key=lambda n: (n not in self._floor, n)):
+            if number in found:
+                continue
+            by_hand = [(found[n] - guesses[n]).mean(axis=0) for n in found if n in self._floor]
+            guess = guesses[number] + np.mean(by_hand, axis=0) if by_hand else guesses[number]
+            laid = aligned(picture, number, guess, self._settings)
+            if laid is None:
+                laid = self._laid(picture, self._searched(picture, guess), {}).get(number)
+            if laid is not None:
+                found[number] = laid
+
+    def _laid(
+        self, picture: Picture, seen: Iterable[tuple[int, Array]], known: Mapping[int, Array]
+    ) -> dict[int, Array]:
+        """Return those of some tags, searched and found, that are there and were not known."""
+        pairs = ((n, aligned(picture, n, corners, self._settings)) for n, corners in seen if n not in known)
+        return {n: corners for n, corners in pairs if corners is not None}
 
     def _rested(self, picture: Picture) -> dict[int, Array]:
         """Return the corners of the floor's tags if they rest, by one of them; else nothing."""
@@ -83,14 +107,22 @@ class Eye:
             return {}
         return {number: self._last[number][0] for number in resting} | {looked: laid}
 
-    def _searched(self, picture: Picture) -> list[tuple[int, Array]]:
-        """Return the tags that a search of the whole picture finds; none that is seen twice."""
+    def _searched(self, picture: Picture, near: Array | None = None) -> list[tuple[int, Array]]:
+        """Return the tags that a search of the picture finds, or around corners; none that is seen twice."""
+        low = np.zeros(2, dtype=int)
+        if near is not None:
+            room = _AROUND * edge_of(near)
+            low = np.maximum(np.floor(near.min(axis=0) - room).astype(int), 0)
+            high = np.maximum(np.ceil(near.max(axis=0) + room).astype(int), 0)
+            picture = np.ascontiguousarray(picture[low[1] : high[1], low[0] : high[0]])
+            if min(picture.shape) < 8:
+                return []
         corners, numbers, _ = self._detector.detectMarkers(picture)
         if numbers is None or len(corners) == 0:
             return []
         names = np.ravel(numbers).tolist()
         self.strangers |= set(names) - self._numbers
-        quads = np.reshape(np.array(corners, dtype=float), (-1, 4, 2))
+        quads = np.reshape(np.array(corners, dtype=float), (-1, 4, 2)) + low
         wanted = [n for n in names if n in self._numbers and names.count(n) == 1]
         return [(n, quad) for n, quad in zip(names, quads, strict=True) if n in wanted]
 

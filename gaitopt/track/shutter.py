@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 _ROUNDS = 2
 """Rounds in which shutter, lens and cameras are solved."""
 
+_SAME_S = 5e-4
+"""A change of the readout that changes nothing else, s."""
+
 
 @dataclass(frozen=True)
 class Unrolled:
@@ -70,30 +73,32 @@ def unrolled(
         GaitoptError: the floor is not in view.
     """
     sweeps = sweeps_of(times, frames)
-    readout = readouts.UNKNOWN if said is None else Readout(said, np.zeros(2))
+    expected = np.abs(said_readout(settings.readout_s, quarters))
+    readout = Readout(np.zeros(2), expected)
     straight, cameras = frames, cameras_of(frames, room, settings)
+    paths: list[Path] = []
     for _ in range(_ROUNDS):
-        if said is None:
-            if room.camera is None:
-                shown = readouts.of_floor(frames, sweeps, cameras, room)
-            else:
-                paths = [path_of(body, straight, cameras, room, settings) for body in robot.bodies]
-                shown = readouts.of_robot(frames, sweeps, cameras, room, robot, paths, settings)
-            readout = shown if shown.seconds.any() or not readout.seconds.any() else readout
-            if not shown.seconds.any():
-                break
-        straight = straightened(frames, sweeps, readout.seconds, room.lens.size)
+        if said is not None:
+            shown = Readout(said, np.zeros(2))
+        elif room.camera is None:
+            shown = readouts.of_floor(frames, sweeps, cameras, room, expected)
+        else:
+            paths = [path_of(body, straight, cameras, room, settings) for body in robot.bodies]
+            shown = readouts.of_robot(frames, sweeps, cameras, room, robot, paths, expected, settings)
+        change = float(np.abs(shown.seconds - readout.seconds).max())
+        readout = shown
+        if change < _SAME_S:
+            break
+        straight, paths = straightened(frames, sweeps, readout.seconds, room.lens.size), []
         if room.camera is None:
             room = solved_room(straight, floor, room.lens.size, settings)
             cameras = cameras_of(straight, room, settings)
-    expected = np.abs(said_readout(settings.readout_s, quarters))
-    readout = Readout(
-        readout.seconds, np.where(readout.seconds, readout.sd, np.minimum(readout.sd, expected))
-    )
+    paths = paths or [path_of(body, straight, cameras, room, settings) for body in robot.bodies]
     unsure = [
         doubts(seen, sweep, readout, room.lens.size) for seen, sweep in zip(straight, sweeps, strict=True)
     ]
-    paths = [path_of(body, straight, cameras, room, settings, unsure) for body in robot.bodies]
+    pairs = zip(robot.bodies, paths, strict=True)
+    paths = [path.doubted(body, cameras, unsure, room.lens.focal) for body, path in pairs]
     return Unrolled(straight, room, cameras, paths, readout)
 
 

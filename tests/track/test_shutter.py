@@ -16,7 +16,7 @@ from gaitopt.track.floor_sheet import SHEET_TAG_MM
 from gaitopt.track.lens import Lens
 from gaitopt.track.path import cameras_of
 from gaitopt.track.pose import Pose
-from gaitopt.track.readout import UNKNOWN, Readout, of_floor
+from gaitopt.track.readout import Readout, of_floor
 from gaitopt.track.room import FloorTag, solved_room
 from gaitopt.track.shutter import doubts, straightened
 from gaitopt.track.sweep import TagMotion, sweeps_of
@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 LENS = Lens((1920, 1080), 1480.0, 0.05, -0.03)
 TIMES = np.arange(45) / 30.0
+EXPECTED = np.array([0.0, 0.015])
 
 
 def camera(at: float) -> Pose:
@@ -97,7 +98,7 @@ def test_the_readout_is_found_whichever_way_the_phone_is_held(readout: tuple[flo
     frames = filmed(np.array(readout))
     room = solved_room(frames, floor(), LENS.size)
     assert room.camera is None
-    found = of_floor(frames, sweeps_of(TIMES, frames), cameras_of(frames, room), room)
+    found = of_floor(frames, sweeps_of(TIMES, frames), cameras_of(frames, room), room, EXPECTED)
     assert found.seconds == pytest.approx(readout, abs=1.5e-3)
     assert (found.sd < 1e-3).all()
 
@@ -107,7 +108,9 @@ def test_the_camera_is_better_known_when_the_shutter_is() -> None:
     room = solved_room(frames, floor(), LENS.size)
     rolled = cameras_of(frames, room)
     sweeps = sweeps_of(TIMES, frames)
-    straight = straightened(frames, sweeps, of_floor(frames, sweeps, rolled, room).seconds, LENS.size)
+    straight = straightened(
+        frames, sweeps, of_floor(frames, sweeps, rolled, room, EXPECTED).seconds, LENS.size
+    )
     better = solved_room(straight, floor(), LENS.size)
     assert better.error_px < 0.8 * room.error_px
     errors = []
@@ -121,23 +124,10 @@ def test_the_camera_is_better_known_when_the_shutter_is() -> None:
     assert errors[1] < 0.8 * errors[0]
 
 
-def test_what_was_undone_is_what_is_said_although_a_second_look_is_not_sure(
-    arcfold: Problem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    frames = filmed(np.array([0.0, 0.015]))
-    looks = iter([Readout(np.array([0.0, 0.014]), np.full(2, 1e-3)), UNKNOWN])
-    monkeypatch.setattr(shutter.readouts, "of_floor", lambda *_: next(looks))
-    room = solved_room(frames, floor(), LENS.size)
-    found = shutter.unrolled(TIMES, frames, room, floor(), arcfold_robot(arcfold))
-    assert found.readout.seconds.tolist() == [0.0, 0.014]
-    assert found.frames is not frames
-    assert next(looks, None) is None
-
-
 def test_a_shutter_that_does_not_roll_is_left_alone() -> None:
     frames = filmed(np.zeros(2))
     room = solved_room(frames, floor(), LENS.size)
-    found = of_floor(frames, sweeps_of(TIMES, frames), cameras_of(frames, room), room)
+    found = of_floor(frames, sweeps_of(TIMES, frames), cameras_of(frames, room), room, EXPECTED)
     assert np.abs(found.seconds).max() < 5e-4
 
 

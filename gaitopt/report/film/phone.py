@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.core.streams import seeded
 from gaitopt.report.film.gl import open_context
-from gaitopt.report.film.stage import Stage, Stand, looking
+from gaitopt.report.film.stage import Stage, Stand, looking, robot_corners
 from gaitopt.track.lens import Lens
 from gaitopt.track.opencv import opencv
 from gaitopt.track.tag import CELLS, pattern
@@ -25,6 +25,12 @@ Array = NDArray[np.float64]
 
 _TEXELS = 32
 """Pixels of a tag's texture along one of its cells."""
+
+_EDGE_PX = 4
+"""How much is drawn anew around a robot that moved, pixels."""
+
+_CUBE = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+"""Corners of a cube, shape (8, 3)."""
 
 
 @dataclass(frozen=True)
@@ -176,6 +182,7 @@ class Studio:
         self._options = mujoco.MjvOption()
         self._options.sitegroup[:] = 0
         self._map = _lens_map(phone, self._wide)
+        self._before: tuple[Array, NDArray[np.int64], NDArray[np.uint8]] | None = None
 
     def frame(
         self, at: float, motion: Callable[[float], Array], camera: Callable[[float], tuple[Array, Array]]
@@ -219,15 +226,44 @@ class Studio:
         return np.asarray(cv2.remap(np.ascontiguousarray(rendered), *self._map, cv2.INTER_LINEAR))
 
     def _rendered(self, pose: Array, camera: tuple[Array, Array]) -> NDArray[np.uint8]:
+        """Return a picture without distortion; from a camera that stands, only the robot is drawn anew."""
         self._data.qpos[:] = pose
         for step in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
             step(self._model, self._data)
+        here, window = np.column_stack(camera), self._window(camera)
+        if self._before is None or not np.array_equal(self._before[0], here):
+            picture = self._drawn(camera, np.array([[0, 0], self._wide]))
+            self._before = (here, window, picture)
+            return picture
+        _, old, whole = self._before
+        both = np.array([np.minimum(old[0], window[0]), np.maximum(old[1], window[1])])
+        picture = whole.copy()
+        picture[both[0, 1] : both[1, 1], both[0, 0] : both[1, 0]] = self._drawn(camera, both)
+        return picture
+
+    def _window(self, camera: tuple[Array, Array]) -> NDArray[np.int64]:
+        """Return the corners of the part of the picture in which the robot is, pixels, shape (2, 2)."""
+        data, reach = self._data, 0.5 * (CELLS + 2) / CELLS
+        corners = [robot_corners(data)]
+        for site, edge in self._stage.tags.values():
+            corners.append(data.site(site).xpos + reach * math.sqrt(2.0) * edge * _CUBE)
+        turn, shift = camera
+        ahead = np.concatenate(corners) @ self._stage.axes.T @ turn.T + shift
+        places = self._phone.focal * ahead[:, :2] / np.maximum(ahead[:, 2:], 1e-3) + 0.5 * np.array(
+            self._wide
+        )
+        low, high = np.floor(places.min(axis=0)) - _EDGE_PX, np.ceil(places.max(axis=0)) + _EDGE_PX
+        found = np.clip(np.array([low, high]), 0, self._wide).astype(np.int64)
+        return found if (found[1] > found[0]).all() else np.array([[0, 0], [1, 1]])
+
+    def _drawn(self, camera: tuple[Array, Array], window: NDArray[np.int64]) -> NDArray[np.uint8]:
+        """Return a part of a picture: its corners are in a picture without distortion, shape (2, 2)."""
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         free = mujoco.MjvCamera()
         mujoco.mjv_updateScene(self._model, self._data, self._options, None, free, every, self._scene)
-        self._aim(camera)
+        self._aim(camera, window)
         self._add_tags()
-        width, height = self._wide
+        width, height = (int(side) for side in window[1] - window[0])
         rectangle = mujoco.MjrRect(0, 0, width, height)
         pixels = np.empty((height, width, 3), np.uint8)
         self._context.make_current()
@@ -235,17 +271,17 @@ class Studio:
         mujoco.mjr_readPixels(pixels, None, rectangle, self._drawing)
         return pixels[::-1]
 
-    def _aim(self, camera: tuple[Array, Array]) -> None:
+    def _aim(self, camera: tuple[Array, Array], window: NDArray[np.int64]) -> None:
         turn, shift = camera
         place = self._stage.axes.T @ (-turn.T @ shift)
         ahead, up = self._stage.axes.T @ turn[2], self._stage.axes.T @ -turn[1]
         near = 0.02
+        (left, top), (right, bottom) = near * (window - 0.5 * np.array(self._wide)) / self._phone.focal
         for eye in self._scene.camera:
             eye.pos[:], eye.forward[:], eye.up[:] = place, ahead, up
             eye.frustum_near, eye.frustum_far = near, 20.0
-            top = near * 0.5 * self._wide[1] / self._phone.focal
-            eye.frustum_top, eye.frustum_bottom = top, -top
-            eye.frustum_center, eye.frustum_width = 0.0, near * 0.5 * self._wide[0] / self._phone.focal
+            eye.frustum_top, eye.frustum_bottom = -top, -bottom
+            eye.frustum_center, eye.frustum_width = 0.5 * (left + right), 0.5 * (right - left)
 
     def _add_tags(self) -> None:
         stage = self._stage
