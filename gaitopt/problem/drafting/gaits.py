@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import copy
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -11,9 +11,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.gait.gait import EDGE_TOLERANCE, Channel, Gait
+from gaitopt.gait.gait import Channel, Gait
 from gaitopt.problem.drafting.family import Limb, limbs_of, rows_of
 from gaitopt.problem.drafting.standing import Standing
+from gaitopt.problem.drafting.trials import Wave, play
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.tree import driven_joints, trunk
 
@@ -21,23 +22,21 @@ Array = NDArray[np.float64]
 
 _SWING_DEG = 30.0
 _LIFT_DEG = 25.0
-_WAVE_DEG = 50.0
-"""Travel of a servo that swings a leg, that lifts one, and that bends a body: usual for small robots."""
+_BENDS_DEG = (50.0, 100.0)
+"""Travel of a servo that swings a leg, that lifts one, and that bends a body, with many joints and with few:
+usual for small robots."""
 
 _TRIALS = ((1.0, 1.0), (0.7, 1.0), (0.7, 1.5), (0.5, 1.5), (0.5, 2.0), (0.35, 2.0))
 """Shares of the usual travel, and multiples of the usual period: a first gait has the first with which the
-robot stays on its feet."""
+robot stays on its feet and goes forward, or else the first with which it stays on its feet."""
 
-_MOST_FLIGHT = 0.35
-"""Largest share of time without contact in a first gait."""
+_PACES = (1.0, 0.6, 1.7)
+"""Multiples of the usual period of a wave along a body. Of all paces and travels the fastest is taken."""
 
-_TRIAL_S = 4.0
-_TIPPED_RAD = 0.8
-"""Time for which a first gait is tried, s, and the tilt at which a robot that walks is about to fall, rad; at
-rest it may be more, see `standing.FALLEN_RAD`."""
+_SHORTEST_S = 0.25
 
 _LONGEST_S = 4.0
-"""Longest period of a first gait, s: that of the drafted search."""
+"""Shortest and longest period of a first gait, s: those of the drafted search."""
 
 _MOVES_M = 1e-3
 """A servo that moves the foot by less than this for 1 rad does not move it, m."""
@@ -47,17 +46,6 @@ _STEP = 5.0
 
 _WAVES = 1.0
 """Waves along a body that undulates: eels and swimming snakes have about one."""
-
-
-@dataclass(frozen=True)
-class Wave:
-    """One servo's wave in a first gait; see `gait.Channel`."""
-
-    duty: float
-    phase: float
-    amplitude_deg: float
-    offset_deg: float
-    smoothing: float
 
 
 @dataclass(frozen=True)
@@ -132,15 +120,46 @@ def first_gaits(
         return [_undulation(model, standing, axes, travels)]
     legs = [_leg(model, standing, limb, axes) for limb in limbs_of(model, pads)]
     period = max(_period(model, standing, axes), _slowest(model, _SWING_DEG))
-    gaits = []
-    for order in _orders(family, legs):
-        for reach, slower in _TRIALS:
-            waves = _stepping(legs, order, travels, reach)
-            seconds = max(round(min(_LONGEST_S, slower * order.periods * period), 3), _followed(model, waves))
-            if _stays_up(model, standing, waves, seconds):
-                break
-        gaits.append(FirstGait(order.name, order.meaning, seconds, waves))
-    return gaits or [_in_turn(model, travels)]
+    gaits = [
+        _first_that_goes(order, legs, model, standing, axes, travels, period)
+        for order in _orders(family, legs)
+    ]
+    return gaits or [_fastest(_in_turn(model, travels), model, standing, axes)]
+
+
+def _first_that_goes(
+    order: _Order,
+    legs: Sequence[_Leg],
+    model: mujoco.MjModel,
+    standing: Standing,
+    axes: Array,
+    travels: Sequence[Travel],
+    period: float,
+) -> FirstGait:
+    """Return the gait of the first of `_TRIALS` that keeps the robot on its feet and goes forward.
+
+    Without one it is the first that keeps it on its feet, or the last.
+    """
+    upright: list[FirstGait] = []
+    for reach, slower in _TRIALS:
+        waves = _stepping(legs, order, travels, reach)
+        seconds = max(round(min(_LONGEST_S, slower * order.periods * period), 3), _followed(model, waves))
+        gait = FirstGait(order.name, order.meaning, seconds, waves)
+        trial = play(model, standing, waves, seconds, axes)
+        if trial.upright and trial.ahead_m_s > 0.0:
+            return gait
+        upright += [gait] * trial.upright
+    return (upright or [gait])[0]
+
+
+def _fastest(gaits: Sequence[FirstGait], model: mujoco.MjModel, standing: Standing, axes: Array) -> FirstGait:
+    """Return the gait that goes forward fastest, of those that stay on the ground."""
+
+    def key(gait: FirstGait) -> tuple[bool, float]:
+        trial = play(model, standing, gait.waves, gait.period_s, axes)
+        return trial.ran, trial.ahead_m_s
+
+    return max(gaits, key=key)
 
 
 @dataclass(frozen=True)
@@ -234,27 +253,6 @@ def _stepping(
     return waves
 
 
-def _stays_up(model: mujoco.MjModel, standing: Standing, waves: Mapping[str, Wave], period: float) -> bool:
-    """Return whether the trunk never tilts far, nor the robot hops, while a gait is played from rest."""
-    model = copy.copy(model)
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    data = copy.copy(standing.rested)
-    channels = [Channel(**asdict(wave)) for wave in waves.values()]
-    step, body = float(model.opt.timestep), trunk(model)
-    drawn = standing.drawn.xmat[body].reshape(3, 3).T @ -model.opt.gravity
-    least = math.cos(_TIPPED_RAD) * float(np.linalg.norm(model.opt.gravity)) ** 2
-    cycles = np.arange(0.0, _TRIAL_S, step) / period
-    targets = np.stack([channel.targets(cycles, EDGE_TOLERANCE) for channel in channels], axis=-1)
-    flights = 0
-    for row in targets:
-        data.ctrl[:] = row
-        mujoco.mj_step(model, data)
-        flights += data.ncon == 0
-        if data.warning.number.any() or data.xmat[body].reshape(3, 3) @ drawn @ -model.opt.gravity < least:
-            return False
-    return flights <= _MOST_FLIGHT * len(targets)
-
-
 def _still(travel: Travel) -> Wave:
     return Wave(0.5, 0.0, 0.0, round(travel.rest, 3), 1.0)
 
@@ -285,14 +283,27 @@ def _signed(travel: Travel, duty: float, phase: float, amplitude: float, offset:
 def _undulation(
     model: mujoco.MjModel, standing: Standing, axes: Array, travels: Sequence[Travel]
 ) -> FirstGait:
-    """Return a wave that runs from the front of a body to its rear, and drives it forward."""
+    """Return a wave along a body: the way in which it drives it forward, then the fastest pace and travel."""
     order = from_front(model, standing, axes)
-    waves = {
-        travel.name: _swung(travel, travel.sign * _WAVE_DEG, -_WAVES * order.index(servo) / (model.nu + 1))
-        for servo, travel in enumerate(travels)
-    }
-    period = max(1.0, round(min(_LONGEST_S, _slowest(model, _WAVE_DEG)), 3), _followed(model, waves))
-    return FirstGait("undulation", "a wave from front to rear", period, waves)
+
+    def wave(rearward: bool, bend: float, pace: float) -> FirstGait:
+        way = -1.0 if rearward else 1.0
+        waves = {
+            travel.name: _swung(
+                travel, travel.sign * bend, way * _WAVES * order.index(servo) / (model.nu + 1)
+            )
+            for servo, travel in enumerate(travels)
+        }
+        usual = min(max(1.0, _slowest(model, bend)), _LONGEST_S)
+        period = max(round(min(max(pace * usual, _SHORTEST_S), _LONGEST_S), 3), _followed(model, waves))
+        meaning = "a wave from front to rear" if rearward else "a wave from rear to front"
+        return FirstGait("undulation", meaning, period, waves)
+
+    ways = [wave(rearward, _BENDS_DEG[0], _PACES[0]) for rearward in (True, False)]
+    best = _fastest(ways, model, standing, axes)
+    rearward = best is ways[0]
+    others = [wave(rearward, bend, pace) for bend, pace in itertools.product(_BENDS_DEG, _PACES)]
+    return _fastest([best, *others[1:]], model, standing, axes)
 
 
 def from_front(model: mujoco.MjModel, standing: Standing, axes: Array) -> list[int]:
@@ -305,16 +316,23 @@ def from_front(model: mujoco.MjModel, standing: Standing, axes: Array) -> list[i
     return sorted(range(model.nu), key=ahead, reverse=True)
 
 
-def _in_turn(model: mujoco.MjModel, travels: Sequence[Travel]) -> FirstGait:
-    """Return every servo through half its range, one after another."""
-    count, waves = len(travels), {}
-    for index, travel in enumerate(travels):
-        reach = travel.sign * (travel.high - travel.low)
-        low = travel.low if reach > 0.0 else travel.high
-        phase = 0.25 * index if count == 2 else round(index / count, 4)
-        waves[travel.name] = Wave(0.5, phase, round(0.5 * reach, 3), round(low + 0.25 * reach, 3), 0.5)
-    period = max(1.0, _followed(model, waves))
-    return FirstGait("first-guess", "every servo through half its range, one after another", period, waves)
+def _in_turn(model: mujoco.MjModel, travels: Sequence[Travel]) -> list[FirstGait]:
+    """Return every servo through half its range, one after another, in either order."""
+    count, gaits = len(travels), []
+    for way in (1.0, -1.0):
+        waves = {}
+        for index, travel in enumerate(travels):
+            reach = travel.sign * (travel.high - travel.low)
+            low = travel.low if reach > 0.0 else travel.high
+            phase = way * (0.25 * index if count == 2 else index / count)
+            waves[travel.name] = Wave(
+                0.5, round(phase, 4) % 1.0, round(0.5 * reach, 3), round(low + 0.25 * reach, 3), 0.5
+            )
+        followed = _followed(model, waves)
+        for period in dict.fromkeys(max(usual, followed) for usual in (1.0, 2.0)):
+            meaning = "every servo through half its range, one after another"
+            gaits.append(FirstGait("first-guess", meaning, period, waves))
+    return gaits
 
 
 def _followed(model: mujoco.MjModel, waves: Mapping[str, Wave]) -> float:
