@@ -16,14 +16,20 @@ from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.core.files import read_bytes, write_bytes, write_text
 from gaitopt.core.folders import check_new_or_empty, filling
 from gaitopt.gait.calibration import SAFE_PINS
-from gaitopt.problem.drafting.checks import check_actuators, check_angles, remarks_on
+from gaitopt.problem.drafting.checks import (
+    check_actuators,
+    check_angles,
+    leave_out_missing,
+    remarks_on,
+    replace_missing,
+)
 from gaitopt.problem.drafting.family import FAMILIES, guess_family
 from gaitopt.problem.drafting.faults import Faults
 from gaitopt.problem.drafting.gaits import FirstGait, Travel, first_gaits
 from gaitopt.problem.drafting.limits import DraftedLimit, draft_limits
 from gaitopt.problem.drafting.motors import make_servos
 from gaitopt.problem.drafting.names import name_parts
-from gaitopt.problem.drafting.standing import size_of, stance_key, stand
+from gaitopt.problem.drafting.standing import check_ground, size_of, stance_key, stand
 from gaitopt.problem.drafting.ties import DraftedTies, draft_ties
 from gaitopt.problem.guesses import (
     USUAL_SERVO,
@@ -44,8 +50,9 @@ _NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
 _TIMESTEP_S = 0.005
 """Longest working timestep, s: contacts of larger steps change a walk."""
 
-_PENALTY = 0.25
-"""Cost of a serious violation of a limit, in lengths of the robot per second: 0.05 m/s for 0.2 m."""
+_PENALTY = 1.0
+"""Cost of a serious violation of a limit, in lengths of the robot per second: 0.2 m/s for 0.2 m. A fast robot
+goes three lengths a second, and a winner should not buy its speed with a violation."""
 
 _KEY = r"[A-Za-z0-9_-]+"
 """A key that TOML takes without quotes."""
@@ -66,7 +73,8 @@ class Draft:
         penalty: cost of a serious violation of one, m/s.
         stance: where the start targets come from.
         changes: how the copy of the MJCF differs from the original.
-        remarks: what a user should look at.
+        remarks: how the roles were guessed.
+        warnings: what a user should look at and correct.
         timestep_s: the working timestep: the MJCF's, or a shorter one.
     """
 
@@ -82,6 +90,7 @@ class Draft:
     stance: str
     changes: Sequence[str]
     remarks: Sequence[str]
+    warnings: Sequence[str]
     timestep_s: float
 
 
@@ -109,11 +118,13 @@ def make_problem(
         raise bad_value("gaitopt new", "--family", family, " or ".join(FAMILIES), FAMILIES)
     check_new_or_empty(folder)
     root, included = read_mjcf(mjcf)
+    missing = replace_missing(root, mjcf)
     assets = named_files(root, mjcf)
     files = [mjcf, *included, *(path for path, _ in assets.values())]
     if mjcf.parent / PROBLEM_FILE in files:
         raise GaitoptError(f"{mjcf}: it names the file {PROBLEM_FILE}; allowed: another name")
-    draft = _draft(root, mjcf, {name: data for name, (_, data) in assets.items()}, from_motors, family)
+    contents = {name: data for name, (_, data) in assets.items()}
+    draft = _draft(root, mjcf, contents, missing, from_motors, family)
     if draft.changes:
         files = [path for path, _ in assets.values()]
     with filling(folder):
@@ -130,16 +141,24 @@ def make_problem(
 
 
 def _draft(
-    root: ET.Element, mjcf: Path, assets: Mapping[str, bytes], from_motors: bool, family: str | None
+    root: ET.Element,
+    mjcf: Path,
+    assets: Mapping[str, bytes],
+    missing: Mapping[str, Sequence[ET.Element]],
+    from_motors: bool,
+    family: str | None,
 ) -> Draft:
     """Return what can be read or guessed from a robot's MJCF; edit it where its parts need it."""
     faults = Faults(mjcf)
     named = name_parts(root)
     changes = [f"names for {', '.join(named)} that had none"] if named else []
     model = compile_mjcf(root, mjcf, assets)
+    changes += leave_out_missing(root, model, missing, faults)
+    incomplete = bool(faults.found)
     check_actuators(model, faults, from_motors)
-    check_angles(model, faults)
-    if not model.nu:
+    check_angles(root, model, faults)
+    if not model.nu or incomplete:
+        check_ground(model, faults)
         faults.check()
     changes += make_servos(root, model, faults)
     model = compile_mjcf(root, mjcf, assets)
@@ -172,7 +191,8 @@ def _draft(
         penalty=max(0.05, round(_PENALTY * size_of(model, standing.drawn), 2)),
         stance=standing.origin,
         changes=changes,
-        remarks=[*roles.remarks, *remarks_on(model, standing, roles.up)],
+        remarks=roles.remarks,
+        warnings=remarks_on(model, standing, roles.up),
         timestep_s=min(float(model.opt.timestep), _TIMESTEP_S),
     )
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.gait.calibration import Calibration
-from gaitopt.problem.drafting.family import guess_pads
+from gaitopt.problem.drafting.family import guess_pads, limbs_of
 from gaitopt.problem.drafting.heading import forward_axis, up_axis
 from gaitopt.problem.drafting.motors import ASSUMED_RANGE_RAD
 from gaitopt.problem.drafting.standing import Standing, joint_travel
@@ -34,6 +34,9 @@ _KEY_BREAKS = re.compile(r"[^A-Za-z0-9_-]+")
 
 USUAL_SERVO = Calibration()
 """The servo that is assumed on each channel."""
+
+_LEGS = 3
+"""A robot with fewer limbs is a chain of links, each of which goes where the robot goes."""
 
 NEW_MARKER = "marker"
 """Site that is added to a trunk without any."""
@@ -105,7 +108,7 @@ def guess_roles(model: mujoco.MjModel, standing: Standing) -> GuessedRoles:
     pads, why_pads = guess_pads(model, standing)
     up, why_up = up_axis(model)
     forward, why_forward = forward_axis(model, standing.drawn, pads, up)
-    marker, why_marker = _marker(model)
+    marker, why_marker = _marker(model, pads)
     base = trunk(model)
     others = [geom for geom in _touchable(model) if geom not in pads]
     return GuessedRoles(
@@ -236,21 +239,27 @@ def _friction_of(model: mujoco.MjModel, pad: int) -> NDArray[np.float64]:
     return mixed_friction(model, pad, around[0]) if around else np.array(model.geom_friction[pad])
 
 
-def _marker(model: mujoco.MjModel) -> tuple[str, str]:
+def _marker(model: mujoco.MjModel, pads: Sequence[int]) -> tuple[str, str]:
     """Return the site that stands for the robot's motion, and what that rests on.
 
-    It is a site in the middle of the trunk, or else one that is called marker, or else a new one.
+    It is a site in the middle of the trunk, or else one that is called marker, or else a new one. A site on a
+    leg moves with its steps, so it stands for the robot's motion in a chain of links alone.
     """
-    base = trunk(model)
+    base, legs = trunk(model), limbs_of(model, pads)
     sites = [i for i in range(model.nsite) if model.site(i).name]
     on_trunk = [i for i in sites if int(model.site_bodyid[i]) == base]
     called = [i for i in sites if any(word in model.site(i).name.lower() for word in _MARKERS)]
     if on_trunk:
         best = min(on_trunk, key=lambda i: (*_rank(model, i), i))
         return str(model.site(best).name), f"marker: the site {model.site(best).name} of the trunk"
-    if called:
+    if called and len(legs) < _LEGS:
         return str(model.site(called[0]).name), "marker: the site that is called so, as the trunk has none"
-    return NEW_MARKER, "marker: a site added to the trunk, which has none"
+    taken, number = {str(model.site(i).name) for i in sites}, 2
+    name = NEW_MARKER
+    while name in taken:
+        name, number = f"{NEW_MARKER}_{number}", number + 1
+    other = f"; {model.site(called[0]).name} moves with a leg" if called else ""
+    return name, f"marker: a site added to the trunk, which has none{other}"
 
 
 def _rank(model: mujoco.MjModel, site: int) -> tuple[bool, int, float]:

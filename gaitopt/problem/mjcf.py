@@ -173,9 +173,21 @@ def named_files(
         else:
             data = read_bytes(path, LARGEST_ASSET) if path.is_file() else None
         if path is None or data is None:
-            raise bad_value(mjcf, f"{element.tag} {key}", name, "a file in the problem's folder")
+            missing = "an existing file" if path is not None else "a file"
+            raise bad_value(mjcf, f"{element.tag} {key}", name, f"{missing} in the problem's folder")
         assets[asked] = path, _alone(path, data) if element.tag == "model" else data
     return assets
+
+
+def missing_meshes(root: ET.Element, mjcf: Path) -> dict[str, ET.Element]:
+    """Return the meshes of an MJCF whose files should lie in its folder but do not, by path from there."""
+    found, places = {}, _asset_folders(root, mjcf)
+    for mesh in root.findall("asset/mesh"):
+        asked = _asset_name(mesh, mesh.get("file", ""), places)
+        path = inside(mjcf.parent, asked) if mesh.get("file") else None
+        if path is not None and not path.exists():
+            found[asked] = mesh
+    return found
 
 
 def _asset_name(element: ET.Element, name: str, folders: Mapping[str, str]) -> str:

@@ -162,7 +162,7 @@ def test_a_robot_that_falls_over_is_no_snake(tmp_path: Path) -> None:
     servos = '<position joint="knee" kp="5"/><position joint="ankle" kp="5"/>'
     draft, _ = drafted(tmp_path, mjcf(FLOOR + pole, servos))
     assert draft.family == "other"
-    assert any("falls over" in remark and "ctrl_deg" in remark for remark in draft.remarks)
+    assert any("falls over" in remark and "ctrl_deg" in remark for remark in draft.warnings)
 
 
 def test_all_mistakes_are_told_at_once_each_with_its_remedy(tmp_path: Path) -> None:
@@ -284,6 +284,6 @@ def test_a_limit_that_cannot_hold_yet_is_a_comment(tmp_path: Path) -> None:
     text = problem.source.read_text()
     assert "command_speed_ratio" not in problem.objective.constraints
     assert "# command_speed_ratio = { max = 1.0, scale = 0.3 }  # for servos with a torque limit" in text
-    assert any("have no torque limit" in remark for remark in draft.remarks)
+    assert any("have no torque limit" in remark for remark in draft.warnings)
     assert problem.file.servo.frame_s == 0.02
     assert "[servo]\nframe_s = 0.02" in text

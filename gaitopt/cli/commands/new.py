@@ -38,6 +38,8 @@ def run(options: Options) -> None:
     say(f"start targets: from {draft.stance}")
     for remark in draft.remarks:
         say(f"guessed: {remark}")
+    for warning in draft.warnings:
+        say(f"look: {warning}")
     for change in draft.changes:
         say(f"in the copy of the MJCF: {change}")
     say(f"wrote {folder / 'problem.toml'}: correct what is guessed, then")

@@ -77,6 +77,13 @@ def is_chain(model: mujoco.MjModel) -> bool:
     return len(set(parents)) == len(parents) and len(moving) > 1
 
 
+def _bends_sideways(model: mujoco.MjModel, standing: Standing) -> bool:
+    """Return whether two servos of a chain, or its only one, turn about what is upright at rest."""
+    joints = {joint for i in range(model.nu) for joint in driven_joints(model, i)}
+    upright = np.abs(standing.rested.xaxis[sorted(joints)] @ up_axis(model)[0]) > 0.5
+    return int(upright.sum()) >= min(2, len(joints))
+
+
 def _driven_bodies(model: mujoco.MjModel) -> set[int]:
     """Return the bodies with a joint that an actuator turns."""
     joints = {joint for i in range(model.nu) for joint in driven_joints(model, i)}
@@ -166,7 +173,9 @@ def guess_family(model: mujoco.MjModel, standing: Standing, pads: Sequence[int])
         return "swimmer", f"it is in a fluid of {model.opt.density:g} kg/m^3"
     fallen = tilt_of(model, standing, up_axis(model)[0]) > FALLEN_RAD
     if is_chain(model) and model.nu > 1 and (lies or not limbs) and not fallen:
-        return "snake", "it is one chain of links that lies on the ground"
+        if _bends_sideways(model, standing):
+            return "snake", "it is one chain of links that lies on the ground and bends sideways"
+        return "crawler", "it is one chain of links that lies on the ground and bends up and down"
     if apart and len(limbs) in (4, 6):
         return {4: "quadruped", 6: "hexapod"}[len(limbs)], f"it has {len(limbs)} limbs with feet"
     if lies and not fallen:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -35,3 +36,8 @@ class Faults:
         if self.found:
             listed = "; ".join(f"({number}) {text}" for number, text in enumerate(self.found, start=1))
             raise GaitoptError(f"{self.path}: {len(self.found)} problems: {listed}")
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names, or the first and how many more."""
+    return ", ".join(names) if len(names) <= 4 else f"{', '.join(names[:3])} and {len(names) - 3} more"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import mujoco
@@ -15,8 +16,18 @@ Array = NDArray[np.float64]
 _AHEAD = ("end_effector", "front", "fore", "nose", "head", "eye", "face")
 _BEHIND = ("rear", "back", "hind", "tail")
 
+_FRONT_LEGS = ("fl", "fr", "lf", "rf")
+_HIND_LEGS = ("bl", "br", "rl", "rr", "hl", "hr", "lh", "rh", "lb", "rb")
+"""How legs are called after front, back, rear or hind, left and right."""
+
 _SYMMETRIC = 0.03
 """Largest distance of mirrored geoms from their counterparts, as a share of the robot's size."""
+
+_LIMBS = 4
+"""Robots with fewer limbs have no two sides by their limbs alone."""
+
+_CLEAR = 0.1
+"""A foot closer to the middle is on neither side, as a share of how far the outermost is."""
 
 _LONGER = 1.2
 """Sides in this ratio or above tell length from width."""
@@ -64,20 +75,55 @@ def _by_shape(
     if mirrored[0] != mirrored[1]:
         index = 0 if mirrored[0] else 1
         return axes[index], f"the world's {_letter(axes[index])}, to whose two sides the robot is alike"
-    for what, points in (("its feet", data.geom_xpos[list(pads)]), ("it", _corners(model, data, own))):
+    feet = data.geom_xpos[list(pads)]
+    sided = [_on_two_sides(feet @ axes[1 - i]) for i in range(2)]
+    if sided[0] != sided[1]:
+        index = 0 if sided[0] else 1
+        return axes[index], f"the world's {_letter(axes[index])}, on whose two sides it has as many feet"
+    hips = data.xpos[_hips(model, pads)]
+    for what, points in (
+        ("its limbs hang", hips),
+        ("its feet stand", feet),
+        ("its trunk is", _corners(model, data, own[model.geom_bodyid[own] == trunk(model)])),
+        ("it is", _corners(model, data, own)),
+    ):
         sides = [float(np.ptp(points @ axis)) if len(points) else 0.0 for axis in axes]
         longer = int(np.argmax(sides))
         if sides[longer] > _LONGER * sides[1 - longer]:
-            stand = "stand" if what == "its feet" else "is"
-            return axes[longer], f"the world's {_letter(axes[longer])}, along which {what} {stand} longer"
+            return axes[longer], f"the world's {_letter(axes[longer])}, along which {what} longer"
+    called = [axis for axis in axes if _sign(model, data, axis)[1]]
+    if len(called) == 1:
+        return called[0], f"the world's {_letter(called[0])}, as parts are called after front and rear"
     return axes[0], f"the world's {_letter(axes[0])}, as neither its shape nor its feet tell"
 
 
+def _on_two_sides(offsets: Array) -> bool:
+    """Return whether half of the feet, four or more, stand clearly on one side and half on the other."""
+    if len(offsets) < _LIMBS:
+        return False
+    middle, reach = 0.5 * (offsets.min() + offsets.max()), 0.5 * float(np.ptp(offsets))
+    clear = np.sign(np.where(np.abs(offsets - middle) > _CLEAR * reach, offsets - middle, 0.0))
+    return bool(clear.all()) and float(clear.sum()) == 0.0
+
+
+def _hips(model: mujoco.MjModel, pads: Sequence[int]) -> list[int]:
+    """Return the bodies next to the trunk that carry feet; none of a robot with few."""
+    found, base = set(), trunk(model)
+    for body in model.geom_bodyid[list(pads)].tolist():
+        while int(model.body_parentid[body]) not in (0, base):
+            body = int(model.body_parentid[body])
+        found |= {body} - {base}
+    return sorted(found) if len(found) >= _LIMBS else []
+
+
 def _corners(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp]) -> Array:
-    """Return points at the ends of each geom's bounding sphere along the world's axes, shape (n, 3)."""
-    places, reach = data.geom_xpos[geoms], model.geom_rbound[geoms, None, None] * np.eye(3)
-    ends: Array = np.concatenate([places[:, None] + reach, places[:, None] - reach]).reshape(-1, 3)
-    return ends
+    """Return the corners of each geom's box, shape (n, 3)."""
+    middle, half = np.split(model.geom_aabb[geoms], 2, axis=1)
+    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+    turns = data.geom_xmat[geoms].reshape(-1, 3, 3)
+    own = middle[:, None] + signs * half[:, None]
+    corners: Array = data.geom_xpos[geoms, None] + np.einsum("gij,gcj->gci", turns, own)
+    return corners.reshape(-1, 3)
 
 
 def _mirrors(places: Array, sizes: Array, across: Array) -> bool:
@@ -111,24 +157,32 @@ def _trunk_joints(model: mujoco.MjModel) -> range:
 
 def _sign(model: mujoco.MjModel, data: mujoco.MjData, axis: Array) -> tuple[float, str]:
     """Return which way along an axis the parts lie that are called after the front, and the word."""
-    for words, sign in ((_AHEAD, 1.0), (_BEHIND, -1.0)):
+    for words, sign in ((_AHEAD, 1.0), (_BEHIND, -1.0), (_FRONT_LEGS, 1.0), (_HIND_LEGS, -1.0)):
         for word in words:
-            ways = _ways(model, data, axis, word)
+            ways = _ways(model, data, axis, word, words in (_FRONT_LEGS, _HIND_LEGS))
             if ways and abs(sum(ways)) > 0.5 * len(ways):
                 return sign * float(np.sign(sum(ways))), f"the sign by what is called {word!r}"
     return 1.0, ""
 
 
-def _ways(model: mujoco.MjModel, data: mujoco.MjData, axis: Array, word: str) -> list[float]:
-    """Return on which side of the robot's middle each part lies whose name has a word: -1, 0 or 1."""
+def _ways(model: mujoco.MjModel, data: mujoco.MjData, axis: Array, word: str, whole: bool) -> list[float]:
+    """Return on which side of the robot's middle each part lies whose name has a word: -1, 0 or 1.
+
+    Args:
+        model, data: the robot.
+        axis: the way along which sides are told.
+        word: the word.
+        whole: whether it is an abbreviation, which counts between other signs than letters only.
+    """
+    holds = re.compile(rf"(?<![a-z]){word}(?![a-z])" if whole else word).search
     own = robot_bodies(model)
     geoms = np.flatnonzero(own[model.geom_bodyid])
     along = data.geom_xpos[geoms] @ axis
     middle, reach = 0.5 * (along.min() + along.max()), 0.5 * float(np.ptp(along))
-    places = [data.xpos[i] for i in np.flatnonzero(own) if word in model.body(i).name.lower()]
-    places += [data.geom_xpos[i] for i in geoms if word in model.geom(i).name.lower()]
+    places = [data.xpos[i] for i in np.flatnonzero(own) if holds(model.body(i).name.lower())]
+    places += [data.geom_xpos[i] for i in geoms if holds(model.geom(i).name.lower())]
     sites = [i for i in range(model.nsite) if own[model.site_bodyid[i]]]
-    places += [data.site_xpos[i] for i in sites if word in model.site(i).name.lower()]
+    places += [data.site_xpos[i] for i in sites if holds(model.site(i).name.lower())]
     offsets = [float(place @ axis) - middle for place in places]
     return [float(np.sign(offset)) if abs(offset) > 0.1 * reach else 0.0 for offset in offsets]
 

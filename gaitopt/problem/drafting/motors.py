@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 import mujoco
 import numpy as np
 
-from gaitopt.problem.drafting.faults import Faults
+from gaitopt.problem.drafting.faults import Faults, listed
 from gaitopt.robot.tree import driven_joints, servo_joint
 
 ASSUMED_RANGE_RAD = math.radians(45.0)
@@ -25,8 +25,9 @@ _KEPT = ("name", "joint", "tendon", "jointinparent", "group")
 
 _ASSUMPTION = (
     "assumed: the motor's largest torque is the limit, reached at an error of a twentieth of the travel, or "
-    "more where the timestep needs it; critically damped"
+    "more where the timestep needs it; critically damped; 45 degrees to either side of a joint without range"
 )
+_FULL_CONTROL = "without a ctrlrange, the gear is the largest torque"
 
 
 def is_motor(model: mujoco.MjModel, actuator: int) -> bool:
@@ -54,25 +55,41 @@ def make_servos(root: ET.Element, model: mujoco.MjModel, faults: Faults) -> list
     Returns:
         What was assumed, for each servo.
     """
-    said = []
+    motors = {}
     for section in root.findall("actuator"):
         for element in section:
             name = element.get("name", "")
             index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
             if index >= 0 and is_motor(model, index):
-                text = _replace(element, model, index, faults)
-                said += [f"{name}: {text}"] if text else []
-    return [f"position servos from motors ({_ASSUMPTION}): {', '.join(said)}"] if said else []
+                motors[name] = (element, index)
+    pulling = [name for name, (_, index) in motors.items() if servo_joint(model, index) < 0]
+    torques = {name: _largest_torque(model, index) for name, (_, index) in motors.items()}
+    weak = [name for name, torque in torques.items() if not 0.0 < torque < math.inf and name not in pulling]
+    if pulling:
+        faults.add(
+            f"{listed(pulling)}: a motor that turns no single joint",
+            'write a <position kp="…" forcerange="…"> servo by hand',
+        )
+    if weak:
+        faults.add(
+            f"{listed(weak)}: a motor without largest torque",
+            'add it in N m: <default><motor ctrlrange="-0.2 0.2"/></default>, 0.2 for a servo of 9 g',
+        )
+    figures: dict[str, list[str]] = {}
+    for name, (element, index) in motors.items():
+        if name not in pulling and name not in weak:
+            figures.setdefault(_replace(element, model, index, torques[name]), []).append(name)
+    if not figures:
+        return []
+    unlimited = any(_is_unlimited(model, index) for _, index in motors.values())
+    assumed = f"{_ASSUMPTION}; {_FULL_CONTROL}" if unlimited else _ASSUMPTION
+    said = "; ".join(f"{listed(names)}: {text}" for text, names in figures.items())
+    return [f"position servos from motors ({assumed}): {said}"]
 
 
-def _replace(element: ET.Element, model: mujoco.MjModel, index: int, faults: Faults) -> str:
+def _replace(element: ET.Element, model: mujoco.MjModel, index: int, torque: float) -> str:
     """Turn a motor's element into a position servo's; return its figures in words."""
-    name, joint = element.get("name", ""), servo_joint(model, index)
-    torque = _largest_torque(model, index)
-    if joint < 0 or not math.isfinite(torque) or torque <= 0.0:
-        what = "turns no single joint" if joint < 0 else "has no largest torque"
-        faults.add(f"motor {name} {what}", 'write a <position kp="…" forcerange="…"> servo by hand')
-        return ""
+    joint = servo_joint(model, index)
     share = driven_joints(model, index)[joint] / float(model.actuator_gear[index, 0])
     low, high = _travel(model, joint)
     ends = sorted((share * low, share * high))
@@ -97,13 +114,19 @@ def _replace(element: ET.Element, model: mujoco.MjModel, index: int, faults: Fau
 
 
 def _largest_torque(model: mujoco.MjModel, index: int) -> float:
-    """Return a motor's largest force before its gear; inf without a limit."""
+    """Return a motor's largest force before its gear; inf without a limit or gear that tells it."""
     gain, largest = abs(float(model.actuator_gainprm[index, 0])), math.inf
+    if _is_unlimited(model, index):
+        return gain if abs(float(model.actuator_gear[index, 0])) != 1.0 else math.inf
     if model.actuator_ctrllimited[index]:
         largest = gain * float(np.abs(model.actuator_ctrlrange[index]).max())
     if model.actuator_forcelimited[index]:
         largest = min(largest, float(np.abs(model.actuator_forcerange[index]).max()))
     return largest
+
+
+def _is_unlimited(model: mujoco.MjModel, index: int) -> bool:
+    return not model.actuator_ctrllimited[index] and not model.actuator_forcelimited[index]
 
 
 def _travel(model: mujoco.MjModel, joint: int) -> tuple[float, float]:

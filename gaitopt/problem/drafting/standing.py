@@ -15,7 +15,7 @@ from gaitopt.problem.drafting.faults import Faults
 from gaitopt.problem.drafting.motors import is_servo
 from gaitopt.problem.start import held_activation
 from gaitopt.robot.contact import can_touch
-from gaitopt.robot.tree import driven_joints, robot_bodies, surroundings, trunk
+from gaitopt.robot.tree import driven_joints, free_joint, in_water, robot_bodies, surroundings, trunk
 
 Array = NDArray[np.float64]
 
@@ -97,8 +97,9 @@ def stand(model: mujoco.MjModel, faults: Faults) -> Standing:
     size = size_of(model, drawn)
     if _hold(model, rested, _HOLD_S):
         _say_diverged(model, rested, faults)
+        check_ground(model, faults)
         return Standing(targets, origin, drawn, drawn, frozenset(), frozenset())
-    _check_ground(model, drawn, rested, size, faults)
+    _check_fall(model, drawn, rested, size, faults)
     touching = _touching(model, rested, _NEAR * size)
     lies = any(int(model.geom_bodyid[geom]) == trunk(model) for geom in touching)
     swinging = _swing(model, rested, targets, _NEAR * size) if lies else frozenset()
@@ -178,12 +179,19 @@ def _say_diverged(model: mujoco.MjModel, data: mujoco.MjData, faults: Faults) ->
     names = ", ".join(bare) if bare else "the joints"
     faults.add(
         "held at its start targets, the simulation diverges",
-        f"add armature and damping to {names} (a servo of 9 g has about 1e-4 kg m^2 and 0.01 N m s/rad), "
-        "lower kp, or take a smaller timestep",
+        f"add armature and damping to {names}, for servos of 9 g about "
+        '<default><joint armature="1e-4" damping="0.02"/></default>, lower kp, or take a smaller timestep',
     )
 
 
-def _check_ground(
+def check_ground(model: mujoco.MjModel, faults: Faults) -> None:
+    """Note that a robot with a free trunk and weight has nothing around it that can carry it."""
+    free = free_joint(model, trunk(model)) is not None
+    if free and model.opt.gravity.any() and not in_water(model):
+        _is_carried(model, faults)
+
+
+def _check_fall(
     model: mujoco.MjModel, drawn: mujoco.MjData, rested: mujoco.MjData, size: float, faults: Faults
 ) -> None:
     """Note that a robot falls for ever."""
@@ -192,6 +200,12 @@ def _check_ground(
     body = trunk(model)
     if not weight or (rested.xpos[body] - drawn.xpos[body]) @ gravity / weight < _FALLEN * size:
         return
+    if _is_carried(model, faults):
+        faults.add("the robot falls past the ground", "draw it above the ground, and the ground larger")
+
+
+def _is_carried(model: mujoco.MjModel, faults: Faults) -> bool:
+    """Note that nothing around a robot can carry it; return whether something can."""
     around = surroundings(model)
     own = np.flatnonzero(robot_bodies(model)[model.geom_bodyid]).tolist()
     if not any(model.geom_contype[geom] or model.geom_conaffinity[geom] for geom in around):
@@ -203,7 +217,8 @@ def _check_ground(
             'give its feet contype="1" and the ground conaffinity="1"',
         )
     else:
-        faults.add("the robot falls past the ground", "draw it above the ground, and the ground larger")
+        return True
+    return False
 
 
 def _touching(model: mujoco.MjModel, data: mujoco.MjData, near: float) -> frozenset[int]:
