@@ -9,14 +9,13 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from gaitopt.core.errors import GaitoptError, unknown_name
 from gaitopt.problem.instruments import scalar_joints
 from gaitopt.problem.model import build_model
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.tags import Tag
-from gaitopt.track.pose import Pose, cross
+from gaitopt.track.pose import Pose, cross, turn_vector
 from gaitopt.track.tag import corners
 
 Array = NDArray[np.float64]
@@ -319,8 +318,7 @@ def _relative(one: Pose, other: Pose) -> Relative:
 
 def _difference(one: Relative, other: Relative) -> Array:
     """Return turn, rad, and shift, m, by which one relative pose differs from another, shape (6,)."""
-    turn = Rotation.from_matrix(one[0] @ other[0].T).as_rotvec()
-    return np.concatenate([turn, one[1] - other[1]])
+    return np.concatenate([turn_vector(one[0] @ other[0].T), one[1] - other[1]])
 
 
 def _relative_spread(one: Pose, other: Pose, seen: Relative) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -141,6 +142,18 @@ def _alike(one: Pose, other: Pose) -> bool:
 def cross(a: Array) -> Array:
     """Return the matrix that multiplies by a vector, shape (3,), as the cross product does, shape (3, 3)."""
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+
+
+def turn_vector(turn: Array) -> Array:
+    """Return the vector of a turn, shape (3, 3): along its axis, as long as its angle, rad, shape (3,).
+
+    That is what SciPy's `Rotation` says, in a tenth of the time.
+    """
+    axis = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    sine, cosine = math.sqrt(float(axis @ axis)), 0.5 * (float(np.trace(turn)) - 1.0)
+    if cosine < -0.9:  # half a turn: this says nothing of its axis
+        return np.asarray(Rotation.from_matrix(turn).as_rotvec(), dtype=float)
+    return axis * (math.atan2(sine, cosine) / sine) if sine > 0.0 else axis
 
 
 def _flat_starts(points: Array, directions: Array) -> list[Pose]:

@@ -180,13 +180,19 @@ def _link_views(
     speeds = [max((sweep[n].fastest for n in numbers if n in sweep), default=0.0) for sweep in sweeps]
     noise = 0.5 * (paths[0].noise + paths[1].noise)
     views = []
+    last: Array | None = None
     for index in sorted(np.argsort(speeds)[::-1][:_MOST].tolist()):
         one, other, camera = paths[0].poses[index], paths[1].poses[index], cameras[index]
         if one is None or other is None or camera is None:
             continue
-        solved = link.angles(one, other, None)
-        if solved is None or solved.error > settings.outlier**2 * noise * (6 - len(solved.values)):
+        limit = settings.outlier**2 * noise * (6 - len(link.joints))
+        solved = None if last is None else link.angles(one, other, last)
+        if solved is None or solved.error > limit:
+            solved = link.angles(one, other, None)
+        last = None
+        if solved is None or solved.error > limit:
             continue
+        last = solved.values
         seen = frames[index]
         here = [[n for n in body.tags if n in seen] for body in (link.one, link.other)]
         points = [

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import seeded
@@ -18,7 +19,7 @@ from gaitopt.track import path as paths
 from gaitopt.track import tracking
 from gaitopt.track.bodies import TaggedRobot
 from gaitopt.track.lens import Lens
-from gaitopt.track.pose import Pose
+from gaitopt.track.pose import Pose, turn_vector
 from gaitopt.track.room import FloorTag, on_floor, solved_room
 from gaitopt.track.tracking import Tracker, track_film
 
@@ -102,6 +103,12 @@ def tracked(
 def test_directions_undo_pixels() -> None:
     points = np.array([[0.1, -0.2, 1.0], [-0.3, 0.15, 0.8], [0.0, 0.0, 2.0]])
     assert LENS.directions(LENS.pixels(points)) == pytest.approx(points[:, :2] / points[:, 2:], abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.3, 1.6, 2.6, 3.14])
+def test_a_turn_is_a_vector_along_its_axis(angle: float) -> None:
+    vector = angle * np.array([0.36, -0.48, 0.8])
+    assert turn_vector(Rotation.from_rotvec(vector).as_matrix()) == pytest.approx(vector, abs=1e-14)
 
 
 def test_lens_and_camera_are_solved_from_one_view_of_the_sheet() -> None:
