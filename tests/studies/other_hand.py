@@ -11,6 +11,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import mujoco
 import numpy as np
@@ -28,9 +29,6 @@ SETTLE_S = 0.5
 CHANNELS = {"mid_act": "mid_left", "foot1": "foot1", "foot2": "foot2"}
 """The joint that each servo turns."""
 
-NOMINAL = Servo(gain=3.0, damping=0.0, limit=0.245, lag_s=0.0, friction=0.0, armature=1e-4, back_emf=0.05)
-"""The nominal servo. Its damping is on the joint: torque that is lost with speed, whatever the limit."""
-
 HORN = 0.05
 """Share of a servo's inertia and damping that is on the far side of its free play: horn and output shaft."""
 
@@ -44,9 +42,31 @@ Planted = Mapping[tuple[str, str], float]
 """Values of effects by name and target, ``all`` or a channel."""
 
 
-def planted(effects: Planted) -> dict[str, Servo]:
+@cache
+def nominal(mjcf: str) -> Mapping[str, Servo]:
+    """Return the nominal servo of each channel.
+
+    Its damping is on the joint: torque that is lost with speed, whatever the limit.
+    """
+    model = mujoco.MjModel.from_xml_string(mjcf)
+    servos = {}
+    for channel, joint in CHANNELS.items():
+        actuator, dof = model.actuator(channel), model.joint(joint).dofadr[0]
+        servos[channel] = Servo(
+            gain=float(actuator.gainprm[0]),
+            damping=-float(actuator.biasprm[2]),
+            limit=float(actuator.forcerange[1]),
+            lag_s=0.0,
+            friction=float(model.dof_frictionloss[dof]),
+            armature=float(model.dof_armature[dof]),
+            back_emf=float(model.dof_damping[dof]),
+        )
+    return servos
+
+
+def planted(mjcf: str, effects: Planted) -> dict[str, Servo]:
     """Return the servo of each channel; the sag of a shared supply is no servo's own."""
-    servos = dict.fromkeys(CHANNELS, NOMINAL)
+    servos = dict(nominal(mjcf))
     for (name, target), value in effects.items():
         if name != "servo_sag":
             for channel in CHANNELS if target == "all" else [target]:
@@ -71,7 +91,7 @@ def angles(mjcf: str, effects: Planted, logs: Sequence[Log], step_s: float = STE
         logs: the commands of each channel, with rows at the same times.
         step_s: time step, s; the time between two rows is a multiple of it.
     """
-    servos = list(planted(effects).values())
+    servos = list(planted(mjcf, effects).values())
     hand = _Hand(mjcf, servos, effects.get(("servo_sag", "all"), 0.0), step_s)
     hand.place([log.start for log in logs])
     rows, each, before = len(logs[0].rows), round(logs[0].row_s / step_s), round(SETTLE_S / step_s)
