@@ -10,6 +10,7 @@ from gaitopt.problem.problem import Problem
 from gaitopt.simulation.audit import settings as defaults
 from gaitopt.simulation.audit.conduct import check_conduct
 from gaitopt.simulation.audit.finding import DIVERGED, SEEN_FIRST, Finding
+from gaitopt.simulation.audit.motion import check_motion
 from gaitopt.simulation.audit.parameters import check_parameters
 from gaitopt.simulation.audit.rest import check_rest
 from gaitopt.simulation.audit.settings import CheckSettings
@@ -26,7 +27,8 @@ def check(
 ) -> list[Finding]:
     """Return every defect found, the model's first and then gait by gait.
 
-    Chaos, drift and the timestep are judged by the marker, and not at all without one.
+    Chaos and drift are judged by the marker, and not at all without one; the timestep by the servos' angles
+    alone, then.
 
     Args:
         problem: the problem; for workers on other machines, with its files (`carrying`).
@@ -48,6 +50,7 @@ def check(
     on_progress(Progress("timestep"))
     diverged = {finding.gait for finding in findings if finding.name == DIVERGED.name}
     findings += check_timestep(problem, executor, settings, diverged)
+    findings += check_motion(problem, executor, settings, diverged)
     seen_first = [kind.name for kind in SEEN_FIRST]
     return sorted(findings, key=lambda one: one.name not in seen_first)
 

@@ -116,8 +116,8 @@ def test_check_judges_what_joints_show(bare: Problem, strider: Problem) -> None:
     both = {"baselines": strider.file.baselines}
     walking = Problem.from_file(bare.file.model_copy(update=both), bare.source, bare.model_path)
     names = {finding.name for finding in check(walking, SerialExecutor())}
-    assert "airtime" in names
-    assert not names & {"chaos", "sideways_drift", "timestep_convergence"}
+    assert {"airtime", "timestep_convergence"} <= names  # by contacts and by the servos' angles
+    assert not names & {"chaos", "sideways_drift"}
 
 
 def test_commands_say_which_part_they_need(

@@ -9,7 +9,9 @@ from gaitopt.core.progress import Progress
 from gaitopt.optimise.executors import SerialExecutor, open_executor
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.records import Fidelity
 from gaitopt.simulation.audit.finding import FINDING_KINDS, Finding
+from gaitopt.simulation.audit.motion import check_motion
 from gaitopt.simulation.audit.settings import CheckSettings
 from gaitopt.simulation.check import check
 
@@ -74,3 +76,22 @@ def test_each_check_reports_its_progress(strider: Problem) -> None:
 def test_every_finding_has_a_remedy(expected: list[Finding]) -> None:
     assert {finding.remedy for finding in expected} <= {kind.remedy for kind in FINDING_KINDS.values()}
     assert all(len(kind.remedy) > 20 for kind in FINDING_KINDS.values())
+
+
+def test_a_timestep_that_servos_are_too_stiff_for_is_found_with_one_that_is_not(strider: Problem) -> None:
+    """The angles tell it, where the speed is the same by chance; with the timestep that is named, nothing."""
+
+    def found(problem: Problem) -> list[Finding]:
+        return list(check_motion(problem, SerialExecutor(), CheckSettings(), ()))
+
+    (coarse,) = found(strider)
+    assert coarse.name == "timestep_convergence"
+    assert "take 0.0005 s" in coarse.message
+    fine = Fidelity(timestep_s=0.0005, integrator=strider.simulation.working.integrator)
+    settings = strider.simulation.model_copy(update={"working": fine})
+    file = strider.file.model_copy(update={"simulation": settings})
+    assert found(Problem.from_file(file, strider.source, strider.model_path)) == []
+
+
+def test_a_gait_that_is_known_to_have_diverged_is_not_judged_by_its_angles(strider: Problem) -> None:
+    assert list(check_motion(strider, SerialExecutor(), CheckSettings(), list(strider.baselines))) == []

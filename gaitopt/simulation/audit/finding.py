@@ -72,7 +72,8 @@ COMMAND_NOT_FOLLOWED = FindingKind(
 )
 TIMESTEP_CONVERGENCE = FindingKind(
     "timestep_convergence",
-    "Take a smaller timestep or another integrator until halving it changes nothing.",
+    "Take the timestep that is named, or half of it until halving changes nothing: timestep_s of working in "
+    "[simulation], and a quarter of that for reference. Stiff servos and light links need short ones.",
 )
 
 SEEN_FIRST = (NO_GROUND, DOES_NOT_STAND, FELL_OVER)

@@ -28,6 +28,10 @@ class CheckSettings:
             perturbation of a millionth of a radian vanishes, or grows by less than this.
         timestep_change: largest change of the mean speed when the timestep is halved, as a share of it.
         timestep_floor_m_s: largest such change at any speed, m/s.
+        motion_change: largest RMS change of the servos' angles when the timestep is divided by four, as a
+            share of the RMS of their motion.
+        motion_chaos: where a nudged start pose changes the angles by more than this share, they do not tell
+            about the timestep.
         starts: perturbed starts of which the mean speed is taken.
         start_spread_rad: standard deviation of their poses, rad.
         step_budget: steps that the check of the timestep may take for a gait; a longer gait gets fewer
@@ -50,6 +54,8 @@ class CheckSettings:
     growth: float = 1e3
     timestep_change: float = 0.05
     timestep_floor_m_s: float = 5e-4
+    motion_change: float = 0.03
+    motion_chaos: float = 0.1
     starts: int = 16
     start_spread_rad: float = 5e-3
     step_budget: int = 500_000
