@@ -21,7 +21,6 @@ from gaitopt.diagnose.fit.response import Response
 from gaitopt.diagnose.judge import evidence
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.causes import Causes
-from gaitopt.diagnose.judge.sets import covariance
 from gaitopt.effects.active import EffectValue, EffectValues
 
 Array = NDArray[np.float64]
@@ -119,7 +118,7 @@ def spread_of(found: Causes, candidate: Candidate) -> Spread:
     """
     sets, hypotheses = found.judgement.sets, candidate.hypotheses
     if sets is not None and candidate.together is not None:
-        shares = covariance(candidate.together, sets.judge.loss, sets.judge.fitter, found.changes)
+        shares = sets.covariance(candidate.together, found.changes)
         return Spread.of_covariance(hypotheses, candidate.at, shares)
     at = np.array(candidate.at)
     ends = [

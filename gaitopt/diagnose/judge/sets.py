@@ -158,14 +158,13 @@ class SetJudge:
             if robot is not None
         }
 
-    def timestep_changes(self, fit: SetFit) -> Array:
-        """Return the mean whitened square that the reference fidelity changes, shape (trials,)."""
+    def timestep_change(self, fit: SetFit) -> Array:
+        """Return what the reference fidelity changes of the whitened residual of a set, shape (rows,)."""
         problem = self.trial_set.problem.with_effects(robot_request(fit.point).effects)
         robot = Simulator.build(problem, fidelity=problem.simulation.reference)
         names = " ".join(f"{h.name}={at!r}" for h, at in fit.point)
         (fine,) = self.runner.compare_robots(self.trial_set, {f"at the reference fidelity: {names}": robot})
-        same = np.zeros(len(self.loss.rows))
-        return same if fine is None else self.left(fine.whitened - fit.robot.whitened)
+        return np.zeros(len(fit.robot.whitened)) if fine is None else fine.whitened - fit.robot.whitened
 
     def _step_without(self, fit: SetFit, weights: Array) -> Array:
         """Return the step, in ranges, to the fit with other weights of the blocks."""
@@ -183,8 +182,7 @@ class JudgedSets:
         scores: logarithm of the posterior weight of each, up to a constant, shape (candidates,).
         none: the same of the empty set.
         changes: what each effect of a set changes, see `SetJudge.changes`; simulated for the probable sets.
-        by_timestep: what a finer timestep changes of the first set in each trial, as a mean whitened square,
-            shape (trials,).
+        timestep: what a finer timestep changes of the whitened residual of the first set, shape (rows,).
         known: intervals of the effects that are at work as other evidence says: they are in every set.
     """
 
@@ -193,7 +191,7 @@ class JudgedSets:
     scores: Array
     none: float
     changes: tuple[Mapping[str, Array], ...]
-    by_timestep: Array
+    timestep: Array
     known: Mapping[str, Interval] = field(default_factory=dict)
 
     @staticmethod
@@ -221,8 +219,13 @@ class JudgedSets:
         ]
         candidates = tuple(every[i] for i in order)
         best = max(none, default=-math.inf)
-        by_timestep = judge.timestep_changes(sets[order[0]]) if order else np.zeros(len(judge.loss.rows))
-        return JudgedSets(judge, candidates, scores[order], best, tuple(changes), by_timestep, known)
+        timestep = judge.timestep_change(sets[order[0]]) if order else np.zeros(len(judge.loss.row_trials))
+        return JudgedSets(judge, candidates, scores[order], best, tuple(changes), timestep, known)
+
+    @property
+    def by_timestep(self) -> Array:
+        """Mean whitened square that a finer timestep changes of the first set, shape (trials,)."""
+        return self.judge.left(self.timestep)
 
     @property
     def scores_if_usual(self) -> Array:
@@ -234,25 +237,40 @@ class JudgedSets:
         """Return a 90 % interval of each parameter of a set, in its unit."""
         if candidate.together is None:
             raise ValueError("the candidate is no set of effects")
-        found = set_intervals(candidate.together, self.judge.loss, self.judge.fitter, changes)
+        halves = NORMAL_95 * np.sqrt(np.diag(self.covariance(candidate.together, changes)))
+        found = set_intervals(candidate.together, halves)
         parts = zip(candidate.hypotheses, found, strict=True)
         return [self.known.get(h.name, interval) for h, interval in parts]
 
+    def covariance(self, fit: SetFit, changes: Array) -> Array:
+        """Return the covariance of a set's parameters, in squares of their ranges, shape (k, k).
 
-def set_intervals(fit: SetFit, loss: RobustLoss, fitter: SetFitter, changes: Array) -> list[Interval]:
-    """Return a 90 % interval of each parameter of a set, in its unit.
+        It is the sum of three: that of the fit, and those of the shifts of the fit with perturbed robots and
+        with a finer timestep. That of the fit is the larger one of what the curvature of the loss and what
+        the scatter of the trials' gradients say.
 
-    Its half-width is the root of the sum of two squares: the error of the fit, and the shift of the fit with
-    perturbed robots. The error of the fit is the larger one of what the curvature of the loss and what the
-    scatter of the trials' gradients say.
+        Args:
+            fit: the set.
+            changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
+        """
+        loss = self.judge.loss
+        weights = loss.trial_weights(loss.squares(fit.robot.whitened))
+        weighted = weights[loss.row_trials][:, None] * fit.slopes
+        _, prior = self.judge.fitter.prior_rows(fit)
+        inverse = np.linalg.pinv(fit.slopes.T @ weighted + np.diag(prior**2))
+        gradients = weights[:, None] * fit.rows.by_trial(fit.products.mixed)
+        count, k = len(loss.rows), len(fit.hypotheses)
+        scatter = gradients.T @ gradients * count / max(1, count - k)
+        sandwich = inverse @ scatter @ inverse
+        grown = np.sqrt(np.maximum(1.0, np.diag(sandwich) / np.maximum(np.diag(inverse), 1e-300)))
+        alike = changes / math.sqrt(max(1, len(changes)))
+        shifts = np.vstack([*alike, self.timestep]) @ weighted @ inverse
+        spread: Array = inverse * np.outer(grown, grown) + shifts.T @ shifts
+        return spread
 
-    Args:
-        fit: the set.
-        loss: its loss.
-        fitter: its fitter, for the priors.
-        changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
-    """
-    halves = NORMAL_95 * np.sqrt(np.diag(covariance(fit, loss, fitter, changes)))
+
+def set_intervals(fit: SetFit, halves: Array) -> list[Interval]:
+    """Return an interval of each parameter of a set, in its unit, from half-widths in ranges, shape (k,)."""
     intervals = []
     for h, share, half in zip(fit.hypotheses, fit.shares.tolist(), halves.tolist(), strict=True):
         low, high = h.share_limits
@@ -260,21 +278,3 @@ def set_intervals(fit: SetFit, loss: RobustLoss, fitter: SetFitter, changes: Arr
         below, above = (h.value(h.coordinate_at(end)) for end in ends)
         intervals.append((below, above))
     return intervals
-
-
-def covariance(fit: SetFit, loss: RobustLoss, fitter: SetFitter, changes: Array) -> Array:
-    """Return the covariance of a set's parameters, in squares of their ranges, shape (k, k)."""
-    weights = loss.trial_weights(loss.squares(fit.robot.whitened))
-    weighted = weights[loss.row_trials][:, None] * fit.slopes
-    _, prior = fitter.prior_rows(fit)
-    inverse = np.linalg.pinv(fit.slopes.T @ weighted + np.diag(prior**2))
-    gradients = weights[:, None] * fit.rows.by_trial(fit.products.mixed)
-    count, k = len(loss.rows), len(fit.hypotheses)
-    scatter = gradients.T @ gradients * count / max(1, count - k)
-    sandwich = inverse @ scatter @ inverse
-    grown = np.sqrt(np.maximum(1.0, np.diag(sandwich) / np.maximum(np.diag(inverse), 1e-300)))
-    spread: Array = inverse * np.outer(grown, grown)
-    if len(changes):
-        shifts = changes @ weighted @ inverse
-        spread = spread + shifts.T @ shifts / len(changes)
-    return spread

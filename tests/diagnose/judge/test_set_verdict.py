@@ -24,13 +24,14 @@ def judged(
         settings=SimpleNamespace(verdict=VerdictSettings(matters=2.0)),
         ranking=SimpleNamespace(probabilities=np.array([chance for chance, _ in sets])),
     )
+    judge: Any = SimpleNamespace(left=lambda whitened: whitened**2)
     return judgement, JudgedSets(
-        None,  # type: ignore[arg-type]
+        judge,
         tuple(candidate(one) for _, one in sets),
         np.log([chance for chance, _ in sets]),
         -np.inf,
         tuple({name: np.array([0.0, change]) for name, change in one.items()} for _, one in sets),
-        np.array([0.0, by_timestep]),
+        np.array([0.0, by_timestep**0.5]),
         intervals,
     )
 
