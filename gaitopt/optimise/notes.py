@@ -10,7 +10,7 @@ from gaitopt.optimise.journal import Entry
 from gaitopt.optimise.margins import Margin, at_bounds, closest
 from gaitopt.optimise.verification import Convergence, Verified
 from gaitopt.problem.problem import Problem
-from gaitopt.simulation.audit.finding import COMMAND_NOT_FOLLOWED, Finding
+from gaitopt.simulation.audit.finding import Finding, brief
 from gaitopt.simulation.labels import title_of, with_unit
 
 
@@ -58,10 +58,6 @@ _STRAIGHT = 0.1
 """A robot that goes sideways by more than this share of its way forward visibly veers."""
 
 
-_NAMED = 3
-"""Servos that are named of those that do not follow."""
-
-
 def warnings_of(
     problem: Problem, best: Verified, found: Sequence[Margin], findings: Sequence[Finding]
 ) -> tuple[str, ...]:
@@ -90,21 +86,9 @@ def warnings_of(
     ]
     aside = best.evaluation.metrics["sideways_ratio"]
     veers = [f"it goes {aside:.2g} mm sideways for each mm forward"] if aside > _STRAIGHT else []
-    checked = [f"`gaitopt check` finds that {text}" for text in _found(findings)]
+    messages = [finding.message for finding in brief(findings)]
+    checked = [f"`gaitopt check` finds that {text}" for text in messages]
     return (*near, *broken, *bounds, *veers, *checked)
-
-
-def _found(findings: Sequence[Finding]) -> list[str]:
-    """Return what an audit found, one sentence for all servos that do not follow."""
-    late = sorted(
-        (one for one in findings if one.name == COMMAND_NOT_FOLLOWED.name), key=lambda one: one.value
-    )
-    if len(late) < 2:
-        return [one.message for one in findings]
-    worst = ", ".join(f"{one.servo} {one.value:.0%}" for one in late[:_NAMED])
-    rest = f" and {len(late) - _NAMED} more" if len(late) > _NAMED else ""
-    short = f"{len(late)} servos do not reach their commanded travel: {worst} of it{rest}"
-    return [one.message for one in findings if one not in late] + [short]
 
 
 def failure_notes(entries: Sequence[Entry], baselines: Sequence[Verified] = ()) -> tuple[str, ...]:

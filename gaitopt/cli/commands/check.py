@@ -21,6 +21,7 @@ def run(options: Options) -> None:
     from gaitopt.cli.progress import show_checks
     from gaitopt.core.progress import silent
     from gaitopt.jobs.check import check
+    from gaitopt.simulation.audit.finding import brief
 
     problem = problem_of(options)
     findings = check(
@@ -35,7 +36,7 @@ def run(options: Options) -> None:
         return
     if not findings:
         say(f"{problem.name}: nothing found")
-    for finding in findings:
+    for finding in brief(findings):
         where = f" at {finding.gait}" if finding.gait else ""
         say(f"{finding.name}{where}: {finding.message}")
     for kind, remedy in {finding.name: finding.remedy for finding in findings}.items():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 
@@ -131,3 +132,32 @@ class Finding:
     def to_dict(self) -> dict[str, Any]:
         """Return the finding for a JSON file."""
         return asdict(self)
+
+
+_NAMED = 3
+"""Servos that are named of those that do not follow."""
+
+
+def brief(findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings with all servos that do not follow in a gait as one, the worst named."""
+    late: dict[str, list[Finding]] = {}
+    for one in findings:
+        if one.name == COMMAND_NOT_FOLLOWED.name:
+            late.setdefault(one.gait, []).append(one)
+    merged = {gait: _merged(servos) for gait, servos in late.items() if len(servos) > 1}
+    shown = []
+    for one in findings:
+        whole = merged.get(one.gait) if one.name == COMMAND_NOT_FOLLOWED.name else None
+        if whole is None:
+            shown.append(one)
+        elif one is late[one.gait][0]:
+            shown.append(whole)
+    return shown
+
+
+def _merged(servos: Sequence[Finding]) -> Finding:
+    ranked = sorted(servos, key=lambda one: one.value)
+    worst = ", ".join(f"{one.servo} {one.value:.0%}" for one in ranked[:_NAMED])
+    rest = f" and {len(ranked) - _NAMED} more" if len(ranked) > _NAMED else ""
+    message = f"{len(ranked)} servos do not reach their commanded travel: {worst} of it{rest}"
+    return replace(ranked[0], message=message, servo="")
