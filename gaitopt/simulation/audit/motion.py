@@ -15,17 +15,13 @@ from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.audit.finding import TIMESTEP_CONVERGENCE, Finding
 from gaitopt.simulation.audit.settings import CheckSettings
 from gaitopt.simulation.rollout import Simulator
-from gaitopt.simulation.scenario import Scenario
+from gaitopt.simulation.scenario import NOMINAL, Scenario
 
 _FINER = 4
 """The timestep is compared with this fraction of it: as far as the drafted reference fidelity lies."""
 
 _FINEST = 8
 """The shortest timestep that is tried has this fraction of the working one."""
-
-
-_CHAOTIC = 2.0
-"""A change by less than this many times that of a nudged start is not the timestep's."""
 
 
 @dataclass(frozen=True)
@@ -42,25 +38,27 @@ def check_motion(
 ) -> Iterator[Finding]:
     """Play each baseline at the working timestep and at a quarter of it, and compare the servos' angles.
 
-    A gait whose angles differ as much from a start pose next to it is chaotic: its timestep is not the cause.
-    One finding says the gait that differs most, and the longest timestep that serves all.
+    Where start poses next to the first change the angles as much, the gait is irregular, and the timestep is
+    not the cause. One finding says which gait differs most, and the longest timestep that serves all.
     """
     working = problem.simulation.working
-    coarse = Simulator.build(problem, (Scenario(),), working)
-    nudged = Simulator.build(problem, (Scenario(start_pose_rad=settings.nudge_rad, pose_seed=1),), working)
+    spread, count = settings.motion_nudge_rad, settings.motion_nudges
+    nudges = [Scenario(start_pose_rad=spread, pose_seed=i) for i in range(count)]
+    coarse = Simulator.build(problem, (NOMINAL, *nudges), working)
     gaits = [gait for gait in problem.baselines.values() if gait.name not in diverged]
-    runs = zip(gaits, executor.map(coarse.run, gaits), executor.map(nudged.run, gaits), strict=True)
-    steady = [
-        (gait, run, chaos)
-        for gait, run, other in runs
-        if (chaos := _apart(problem, other, run)) <= settings.motion_chaos
-    ]
-    finer = executor.map(_at(coarse, _FINER).run, [gait for gait, _, _ in steady])
-    found = [
-        _Coarse(gait.name, apart, _enough(problem, coarse, gait, fine, settings))
-        for (gait, run, chaos), fine in zip(steady, finer, strict=True)
-        if (apart := _apart(problem, run, fine)) > max(settings.motion_change, _CHAOTIC * chaos)
-    ]
+    steps = [_FINEST * coarse.duration(gait) / working.timestep_s for gait in gaits]
+    gaits = [gait for gait, most in zip(gaits, steps, strict=True) if most <= settings.motion_step_budget]
+    scenarios = range(count + 1)
+    jobs = [(gait, scenario) for gait in gaits for scenario in scenarios]
+    runs = executor.map(coarse.run, [gait for gait, _ in jobs], [scenario for _, scenario in jobs])
+    by_gait = [[next(runs) for _ in scenarios] for _ in gaits]
+    found = []
+    finer = executor.map(_at(coarse, _FINER).run, gaits)
+    for gait, (run, *others), fine in zip(gaits, by_gait, finer, strict=True):
+        irregular = float(np.mean([_apart(problem, other, run) for other in others]))
+        apart = _apart(problem, run, fine)
+        if apart > max(settings.motion_change, settings.motion_ratio * irregular):
+            found.append(_Coarse(gait.name, apart, _enough(problem, coarse, gait, fine, settings)))
     if found:
         yield _finding(problem, found, settings)
 
@@ -79,8 +77,6 @@ def _enough(
 ) -> float:
     """Return the longest timestep at which motion no longer depends on it, s, or the shortest tried."""
     timestep = coarse.fidelity.timestep_s
-    if _FINEST * coarse.duration(gait) / timestep > settings.step_budget:
-        return timestep / _FINER
     finest = _at(coarse, _FINEST).run(gait)
     if _apart(problem, finer, finest) > settings.motion_change:
         return timestep / _FINEST

@@ -30,8 +30,10 @@ class CheckSettings:
         timestep_floor_m_s: largest such change at any speed, m/s.
         motion_change: largest RMS change of the servos' angles when the timestep is divided by four, as a
             share of the RMS of their motion.
-        motion_chaos: where a nudged start pose changes the angles by more than this share, they do not tell
-            about the timestep.
+        motion_nudge_rad, motion_nudges: standard deviation and number of the changed start poses by which
+            irregular motion is told from the timestep.
+        motion_ratio: that change must be larger than this many times the mean of theirs.
+        motion_step_budget: most steps of a rollout with the shortest timestep; longer gaits are left out.
         starts: perturbed starts of which the mean speed is taken.
         start_spread_rad: standard deviation of their poses, rad.
         step_budget: steps that the check of the timestep may take for a gait; a longer gait gets fewer
@@ -55,7 +57,10 @@ class CheckSettings:
     timestep_change: float = 0.05
     timestep_floor_m_s: float = 5e-4
     motion_change: float = 0.03
-    motion_chaos: float = 0.1
+    motion_nudge_rad: float = 1e-3
+    motion_nudges: int = 3
+    motion_ratio: float = 1.5
+    motion_step_budget: int = 200_000
     starts: int = 16
     start_spread_rad: float = 5e-3
     step_budget: int = 500_000
