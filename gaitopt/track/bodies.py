@@ -218,15 +218,17 @@ class Link:
         """Return the joints' names."""
         return [self.model.joint(j).name for j in self.joints]
 
-    def angles(self, one: Pose, other: Pose, start: Array | None) -> Angles | None:
+    def angles(self, one: Pose, other: Pose, start: Array | None, scale: float = 0.0) -> Angles | None:
         """Return the joints' angles that explain two poses best; None where the poses do not determine them.
 
         Args:
             one, other: poses of the two bodies in one frame, with their spreads.
             start: angles to begin with, shape (n,); several are tried without them.
+            scale: standard deviation of how much larger all looks than it is, relative, over that of a
+                direction.
         """
         seen = _relative(one, other)
-        weights = np.asarray(np.linalg.pinv(_relative_spread(one, other, seen)), dtype=float)
+        weights = np.asarray(np.linalg.pinv(_relative_spread(one, other, seen, scale)), dtype=float)
         found = [self._from(q, seen, weights) for q in (self._starts() if start is None else [start])]
         known = [angles for angles in found if angles is not None]
         if not known:
@@ -321,8 +323,11 @@ def _difference(one: Relative, other: Relative) -> Array:
     return np.concatenate([turn_vector(one[0] @ other[0].T), one[1] - other[1]])
 
 
-def _relative_spread(one: Pose, other: Pose, seen: Relative) -> Array:
-    """Return the covariance of turn and shift of a relative pose, for errors of 1, shape (6, 6)."""
+def _relative_spread(one: Pose, other: Pose, seen: Relative, scale: float) -> Array:
+    """Return the covariance of turn and shift of a relative pose, for errors of 1, shape (6, 6).
+
+    If all patterns look larger than they are, then so does the distance of two.
+    """
     back = one.turn.T
     arm = cross(other.shift - one.shift)
     zero = np.zeros((3, 3))
@@ -330,4 +335,6 @@ def _relative_spread(one: Pose, other: Pose, seen: Relative) -> Array:
     by_one = np.block([[-back, zero], [back @ arm, -back]])
     first = np.eye(6) if one.spread is None else one.spread
     second = np.eye(6) if other.spread is None else other.spread
-    return np.asarray(by_other @ second @ by_other.T + by_one @ first @ by_one.T)
+    alike = np.concatenate([np.zeros(3), scale * seen[1]])
+    by_chance = by_other @ second @ by_other.T + by_one @ first @ by_one.T
+    return np.asarray(by_chance + np.outer(alike, alike))

@@ -31,6 +31,9 @@ _FEWEST = 12
 _MOST = 60
 """Most pictures in which the robot is looked at: those in which it moves fastest."""
 
+_PICTURES = 5
+"""Fewest pictures that tell something of the shutter."""
+
 _STEP = 1e-6
 
 
@@ -123,27 +126,37 @@ def of_robot(
 
 def _solved(views: Iterable[_View], expected: Array) -> Readout:
     """Return the readout that explains best what rigid things leave unexplained, and what is expected."""
-    normal, pull, square, count = np.zeros((2, 2)), np.zeros(2), 0.0, 0
+    normals, pulls, square, count = [], [], 0.0, 0
     for view in views:
         free = np.linalg.qr(view.slopes)[0]
         left, rolled = (part - free @ (free.T @ part) for part in (view.left, view.rolled))
-        normal += rolled.T @ rolled
-        pull += rolled.T @ left
+        normals.append(rolled.T @ rolled)
+        pulls.append(rolled.T @ left)
         square += float(left @ left)
         count += len(left) - view.slopes.shape[1]
-    if count == 0 or np.linalg.matrix_rank(normal) < 2:
+    normal, pull = sum(normals, np.zeros((2, 2))), sum(pulls, np.zeros(2))
+    if len(normals) < _PICTURES or np.linalg.matrix_rank(normal) < 2:
         return Readout(np.zeros(2), expected)
     both = np.linalg.solve(normal, pull)
-    noise = max(square - float(pull @ both), 0.0) / count
-    sure = np.abs(both) > _SURE * np.sqrt(noise * np.diag(np.linalg.inv(normal)))
+    # Errors are chance, and what the corners of one picture have in common.
+    scatter = np.array([p - n @ both for n, p in zip(normals, pulls, strict=True)])
+    covariance = scatter.T @ scatter + max(square - float(pull @ both), 0.0) / count * normal
+    sure = np.abs(both) > _SURE * np.sqrt(np.diag(_around(normal, covariance)))
     seconds, sd = np.zeros(2), np.zeros(2)
     free = np.flatnonzero((sure & (np.abs(both) < LONGEST_S)) | (expected > 0.0))
     if len(free):
-        prior = [noise / expected[k] ** 2 if expected[k] else 0.0 for k in free]
-        narrow = normal[np.ix_(free, free)] + np.diag(prior)
-        seconds[free] = np.linalg.solve(narrow, pull[free])
-        sd[free] = np.sqrt(noise * np.diag(np.linalg.inv(narrow)))
+        own = np.ix_(free, free)
+        weight = np.linalg.pinv(_around(normal[own], covariance[own]))
+        prior = np.diag([1.0 / expected[k] ** 2 if expected[k] else 0.0 for k in free])
+        seconds[free] = np.linalg.solve(weight + prior, weight @ np.linalg.solve(normal[own], pull[free]))
+        sd[free] = np.sqrt(np.diag(np.linalg.inv(weight + prior)))
     return Readout(np.clip(seconds, -LONGEST_S, LONGEST_S), sd)
+
+
+def _around(normal: Array, covariance: Array) -> Array:
+    """Return the covariance of a least-squares solution from that of its right-hand side."""
+    inverse = np.linalg.inv(normal)
+    return np.asarray(inverse @ covariance @ inverse)
 
 
 def _floor_views(

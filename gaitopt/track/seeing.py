@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -18,6 +19,9 @@ Array = NDArray[np.float64]
 _ROUNDS, _GAIN = 20, 1e-4
 """Most rounds in which a pattern is laid on a picture, and the gain in correlation after which that ends."""
 
+
+_BLURS_PX = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5)
+"""Blurs of a film that are tried, pixels."""
 
 _RAREST, _AROUND = 40, 1.0
 """Most pictures between searches for what is not there, and room around a tag that is lost, in its edges."""
@@ -52,6 +56,7 @@ class Eye:
         self._last: dict[int, tuple[Array, Array]] = {}
         self._frame = self._next = 0
         self._pause = settings.search_every
+        self._focused = False
         self.strangers: set[int] = set()
 
     def look(self, picture: Picture) -> dict[int, Array]:
@@ -62,7 +67,9 @@ class Eye:
         if lost or not self._last:
             self._pause, self._next = self._settings.search_every, self._frame
         if len(found) < len(self._numbers) and self._frame >= self._next:
-            more = self._laid(picture, self._searched(picture), found)
+            seen = self._searched(picture)
+            self._focus(picture, seen)
+            more = self._laid(picture, seen, found)
             self._pause = self._settings.search_every if more else min(2 * self._pause, _RAREST)
             self._next = self._frame + self._pause
             found |= more
@@ -73,6 +80,21 @@ class Eye:
         self._last = {n: (c, c - before[n] if n in before else np.zeros((4, 2))) for n, c in found.items()}
         self._frame += 1
         return found
+
+    def _focus(self, picture: Picture, seen: Sequence[tuple[int, Array]]) -> None:
+        """Measure how blurred the film is, by the first tags that are seen.
+
+        A pattern that is sharper than the picture, or less sharp, looks larger or smaller than it is.
+        """
+        if self._focused or not seen:
+            return
+        self._focused = True
+
+        def alike(blur: float) -> float:
+            settings = replace(self._settings, blur_px=blur)
+            return sum(laid[1] for n, corners in seen if (laid := _laid_on(picture, n, corners, settings)))
+
+        self._settings = replace(self._settings, blur_px=max(_BLURS_PX, key=alike))
 
     def _follow(self, picture: Picture, found: dict[int, Array]) -> None:
         """Add the tags that were seen before and are near where they should be; the floor's come first."""
@@ -136,6 +158,14 @@ def aligned(picture: Picture, number: int, corners: Array, settings: TrackSettin
         corners: about where its corners are, from the top left, clockwise, pixels, shape (4, 2).
         settings: how alike the picture has to be.
     """
+    laid = _laid_on(picture, number, corners, settings)
+    return None if laid is None else laid[0]
+
+
+def _laid_on(
+    picture: Picture, number: int, corners: Array, settings: TrackSettings
+) -> tuple[Array, float] | None:
+    """Return a tag's corners as `aligned` does, and how alike pattern and picture are there."""
     cv2 = opencv()
     edge = edge_of(corners)
     if not settings.smallest_px <= edge <= max(picture.shape):
@@ -170,7 +200,8 @@ def aligned(picture: Picture, number: int, corners: Array, settings: TrackSettin
     laid = np.asarray(cv2.perspectiveTransform(square[None], warp.astype(float))[0] + low, dtype=float)
     inside = (laid >= 0.0).all() and (laid <= np.array(picture.shape[::-1]) - 1.0).all()
     moved = float(np.abs(laid - corners).max())
-    return laid if inside and moved < 0.5 * edge and 0.7 < edge_of(laid) / edge < 1.4 else None
+    fits = inside and moved < 0.5 * edge and 0.7 < edge_of(laid) / edge < 1.4
+    return (laid, float(alike)) if fits else None
 
 
 def _moved(one: Array, other: Array) -> float:

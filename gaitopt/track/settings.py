@@ -11,7 +11,7 @@ class TrackSettings:
 
     Attributes:
         alike: least correlation of a picture with a tag's pattern; other tags of the family reach 0.7.
-        blur_px: blur of a pattern before it is laid on a picture, pixels: that of a lens and a video.
+        blur_px: blur of a pattern before it is laid on a picture, pixels; of a film it is measured.
         smallest_px: shortest edge of a tag that is located, pixels.
         search_every: frames between searches of the whole picture while a tag is missing.
         rest_px: how far the corners of a tag that rests move from one picture to the next, pixels.

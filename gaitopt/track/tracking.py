@@ -132,13 +132,14 @@ def track_film(
     pairs = zip(robot.bodies, view.paths, strict=True)
     found = {body.site: path for body, path in pairs if path.seen.any()}
     signals, noise = _signals(robot, found)
-    joints, joint_noise, defects = _joints(film, robot, found, settings)
+    numbers = [*robot.numbers(), *room.floor]
+    edges = _edges(frames, numbers)
+    joints, joint_noise, defects = _joints(film, robot, found, edges, settings)
     defects += _wrong_sizes(film, robot, found, cameras)
     sync = _beginning(beginning, lamp, time, frames, cameras, room)
     everything = [*missing, *_strangers(film, eye), *_outliers(film, found, time), *defects]
     if sync.at_s is None and beginning is not None:
         everything.append(Defect("sync_not_found", film.stem, sync.how, 0))
-    numbers = [*robot.numbers(), *room.floor]
     return FilmTrack(
         film,
         time,
@@ -149,7 +150,7 @@ def track_film(
         {site: path.error_px for site, path in found.items()},
         tuple(everything),
         frames,
-        _edges(frames, numbers),
+        edges,
         view.readout.main,
         sync,
     )
@@ -314,7 +315,11 @@ def _in_order(signals: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _joints(
-    film: Path, robot: TaggedRobot, found: Mapping[str, paths.Path], settings: TrackSettings
+    film: Path,
+    robot: TaggedRobot,
+    found: Mapping[str, paths.Path],
+    edges: Mapping[int, float],
+    settings: TrackSettings,
 ) -> tuple[dict[str, Array], dict[str, float], list[Defect]]:
     """Return the angles of the joints between tagged bodies, their noise, and bodies that do not fit."""
     signals: dict[str, Array] = {}
@@ -325,7 +330,8 @@ def _joints(
         one, other = (found.get(body.site) for body in (link.one, link.other))
         if one is None or other is None or all(name in signals for name in names):
             continue
-        series, variances, away = _angles(link, one, other, settings)
+        edge = min(edges[n] for body in (link.one, link.other) for n in body.tags if n in edges)
+        series, variances, away = _angles(link, one, other, edge, settings)
         if not np.isfinite(away).any():
             continue
         if np.nanmedian(away) > _SAME_M:
@@ -342,19 +348,20 @@ def _joints(
 
 
 def _angles(
-    link: Link, one: paths.Path, other: paths.Path, settings: TrackSettings
+    link: Link, one: paths.Path, other: paths.Path, edge: float, settings: TrackSettings
 ) -> tuple[Array, Array, Array]:
     """Return angles and variances, rad, shape (n, joints), and what they leave unexplained, m, shape (n,)."""
     count = len(one.poses)
     series, variances = (np.full((count, len(link.joints)), np.nan) for _ in range(2))
     away = np.full(count, np.nan)
     last: Array | None = None
+    noise = 0.5 * (one.noise + other.noise)
+    scale = settings.least_px / edge / np.sqrt(noise)
     for index, (a, b) in enumerate(zip(one.poses, other.poses, strict=True)):
-        solved = None if a is None or b is None else link.angles(a, b, last)
+        solved = None if a is None or b is None else link.angles(a, b, last, scale)
         last = None
         if solved is None:
             continue
-        noise = 0.5 * (one.noise + other.noise)
         away[index], spread = solved.away, noise * solved.variances
         if solved.error > settings.outlier**2 * noise * (6 - len(spread)):
             continue  # one of the two poses is wrong

@@ -128,8 +128,8 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     table = KeptTable(options.out / "diagnoses.csv", ("sealed", "data"))
     with tempfile.TemporaryDirectory() as temporary:
-        for name in options.only.split(","):
-            for kind in KINDS:
+        for kind in KINDS:
+            for name in options.only.split(","):
                 key = {"sealed": name, "data": kind}
                 table.fill(key, lambda key=key: rows(*key.values(), options.films or Path(temporary)))
 
