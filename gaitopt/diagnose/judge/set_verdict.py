@@ -58,11 +58,12 @@ def conclude_sets(judgement: Judgement, sets: JudgedSets, n_hypotheses: int) -> 
 
 def at_work(judgement: Judgement, sets: JudgedSets) -> Mapping[str, float]:
     """Return the probability over all sets that an effect is at work and matters, the likeliest first."""
+    least = judgement.settings.verdict.matters
     totals: dict[str, float] = {}
     chances = judgement.ranking.probabilities.tolist()
     for candidate, changes, chance in zip(sets.candidates, sets.changes, chances, strict=True):
         for one in candidate.hypotheses:
-            if one.name in sets.known or _matters(judgement, sets, changes[one.name]):
+            if one.name in sets.known or changes[one.name] >= least:
                 totals[one.effect.name] = totals.get(one.effect.name, 0.0) + chance
     return dict(sorted(totals.items(), key=lambda item: -item[1]))
 
@@ -78,14 +79,9 @@ def stand_ins(judgement: Judgement, sets: JudgedSets, causes: Collection[str]) -
     for candidate, changes, chance in zip(sets.candidates, sets.changes, chances, strict=True):
         if not set(causes) <= set(candidate.names):
             for one in candidate.hypotheses:
-                if one.effect.unusual and _matters(judgement, sets, changes[one.name]):
+                if one.effect.unusual and changes[one.name] >= settings.matters:
                     totals[one.effect.name] = totals.get(one.effect.name, 0.0) + chance
     return tuple(n for n, chance in totals.items() if chance >= settings.possible and n not in causes)
-
-
-def _matters(judgement: Judgement, sets: JudgedSets, change: Array) -> bool:
-    """Whether an effect changes enough to be a cause; see `SetJudge.changes`, shape (trials,)."""
-    return float(np.max(change - sets.by_timestep)) >= judgement.settings.verdict.matters
 
 
 def misfit_trials(judgement: Judgement, sets: JudgedSets) -> dict[str, float]:

@@ -139,27 +139,63 @@ class SetJudge:
         mean: Array = self.loss.squares(whitened) / self.loss.rows
         return mean
 
-    def changes(self, fit: SetFit) -> dict[str, Array]:
-        """Return the mean whitened square that each effect of a set changes in each trial, shape (trials,).
+    def changes(self, fit: SetFit) -> dict[str, float]:
+        """Return the mean whitened square that each effect of a set changes, in the trial where it is most.
 
         The slopes tell it; those of a limit or of free play tell too much of a small value.
         """
         moves = fit.shares - [h.share(h.neutral) for h in fit.hypotheses]
-        return {h.name: self.left(fit.slopes[:, i] * moves[i]) for i, h in enumerate(fit.hypotheses)}
+        squares = [self.left(fit.slopes[:, i] * move) for i, move in enumerate(moves)]
+        return {h.name: float(one.max()) for h, one in zip(fit.hypotheses, squares, strict=True)}
 
-    def simulated_changes(self, fit: SetFit) -> dict[str, Array]:
-        """Return the same from robots without each effect; by the slopes where one cannot be simulated."""
-        point = fit.point
-        requests = [robot_request(point[:i] + point[i + 1 :]) for i in range(len(point))]
-        without = zip(fit.hypotheses, self.fitter.simulate(requests), strict=True)
-        return self.changes(fit) | {
-            h.name: self.left(robot.whitened - fit.robot.whitened)
-            for h, robot in without
-            if robot is not None
-        }
+    def simulated_changes(self, fit: SetFit, timestep: Array) -> dict[str, float]:
+        """Return the same from robots without each effect, beyond what the timestep changes in that trial.
+
+        An effect that the set can do without at the reference fidelity changes nothing.
+
+        Args:
+            fit: the set.
+            timestep: see `timestep_change`.
+        """
+        smaller = self.without_each(fit)
+        idle, least = self.idle(fit, smaller, timestep), self.left(timestep)
+        changes = [self.left(one.robot.whitened - fit.robot.whitened) - least for one in smaller]
+        pairs = zip(fit.hypotheses, changes, strict=True)
+        return {h.name: 0.0 if h.name in idle else float(one.max()) for h, one in pairs}
+
+    def without_each(self, fit: SetFit) -> list[SetFit]:
+        """Return the set without each of its effects, simulated; by the slopes where that cannot be done."""
+        smaller = [self.fitter.without_effect(fit, i) for i in range(len(fit.hypotheses))]
+        robots = self.fitter.simulate([robot_request(one.point) for one in smaller])
+        return [
+            one if robot is None else self.fitter.at_robot(one, robot)
+            for one, robot in zip(smaller, robots, strict=True)
+        ]
+
+    def idle(self, fit: SetFit, smaller: Sequence[SetFit], timestep: Array) -> frozenset[str]:
+        """Return the effects without which a set scores as well at the reference fidelity, by the slopes.
+
+        Args:
+            fit: the set.
+            smaller: the set without each of its effects.
+            timestep: see `timestep_change`.
+        """
+
+        def finer(one: SetFit) -> float:
+            robot = replace(one.robot, whitened=one.robot.whitened + timestep)
+            there = replace(self.fitter.at_robot(one, robot), radius=self.settings.heldout_radius)
+            return self.fitter.expected(there)[1] + self.fitter.price(one)
+
+        least = finer(fit)
+        return frozenset(
+            h.name for h, one in zip(fit.hypotheses, smaller, strict=True) if finer(one) <= least
+        )
 
     def timestep_change(self, fit: SetFit) -> Array:
-        """Return what the reference fidelity changes of the whitened residual of a set, shape (rows,)."""
+        """Return what the reference fidelity changes of the whitened residual of a set, shape (rows,).
+
+        Nothing, where the robot cannot be simulated there.
+        """
         problem = self.trial_set.problem.with_effects(robot_request(fit.point).effects)
         robot = Simulator.build(problem, fidelity=problem.simulation.reference)
         names = " ".join(f"{h.name}={at!r}" for h, at in fit.point)
@@ -190,7 +226,7 @@ class JudgedSets:
     candidates: tuple[Candidate, ...]
     scores: Array
     none: float
-    changes: tuple[Mapping[str, Array], ...]
+    changes: tuple[Mapping[str, float], ...]
     timestep: Array
     known: Mapping[str, Interval] = field(default_factory=dict)
 
@@ -213,19 +249,14 @@ class JudgedSets:
         none = [float(score) for one, score in zip(every, scores, strict=True) if not one.hypotheses]
         none = [] if known else none
         probable = probabilities(scores[order]) >= judge.settings.probable if order else np.array([])
+        timestep = judge.timestep_change(sets[order[0]]) if order else np.zeros(len(judge.loss.row_trials))
         changes = [
-            judge.simulated_changes(sets[i]) if simulated else judge.changes(sets[i])
+            judge.simulated_changes(sets[i], timestep) if simulated else judge.changes(sets[i])
             for i, simulated in zip(order, probable.tolist(), strict=True)
         ]
         candidates = tuple(every[i] for i in order)
         best = max(none, default=-math.inf)
-        timestep = judge.timestep_change(sets[order[0]]) if order else np.zeros(len(judge.loss.row_trials))
         return JudgedSets(judge, candidates, scores[order], best, tuple(changes), timestep, known)
-
-    @property
-    def by_timestep(self) -> Array:
-        """Mean whitened square that a finer timestep changes of the first set, shape (trials,)."""
-        return self.judge.left(self.timestep)
 
     @property
     def scores_if_usual(self) -> Array:

@@ -147,7 +147,7 @@ class VerdictSettings:
         uneven: recorded cycles are uneven if they differ this many times as much as simulated ones.
         noise_error: relative error of the measurement's noise, as estimated from the record.
         matters: an effect of sets is no cause where it changes less than this, as a mean whitened square in
-            the trial that it changes most, beyond what the timestep changes: it makes a small error smaller.
+            the trial that it changes most: it makes a small error smaller.
         at_work: an effect of sets is a cause if it is at least this probable,
         possible: and may be one if it is at least this probable.
         misfit: a trial does not fit the others if it leaves this many times what the median trial leaves.
