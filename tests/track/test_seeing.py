@@ -7,24 +7,26 @@ from gaitopt.core.streams import seeded
 from gaitopt.report.film.phone import tag_picture
 from gaitopt.track.film import Picture
 from gaitopt.track.opencv import opencv
-from gaitopt.track.seeing import Eye
+from gaitopt.track.seeing import Eye, edge_of
 
 EDGE = 64.0
 """Edge of the black squares, pixels."""
 
 
-def picture(places: dict[int, tuple[float, float]], seed: int = 1) -> Picture:
+def picture(
+    places: dict[int, tuple[float, float]], seed: int = 1, edge: float = EDGE, blur: float = 0.8
+) -> Picture:
     """Tags with their upper left corners at some places, blurred, with noise."""
     cv2 = opencv()
     found = np.full((480, 640), 170.0, np.float32)
     for number, place in places.items():
         tag = tag_picture(number).astype(np.float32)
-        scale = EDGE / (tag.shape[0] * 0.8)
-        fit = np.array([[scale, 0.0, place[0] - EDGE / 8.0], [0.0, scale, place[1] - EDGE / 8.0]])
+        scale = edge / (tag.shape[0] * 0.8)
+        fit = np.array([[scale, 0.0, place[0] - edge / 8.0], [0.0, scale, place[1] - edge / 8.0]])
         smooth = cv2.GaussianBlur(tag, (0, 0), 0.5 / scale)
         cv2.warpAffine(smooth, fit, found.shape[::-1], dst=found, borderMode=cv2.BORDER_TRANSPARENT)
     noise = 2.0 * seeded(seed).standard_normal(found.shape)
-    return np.clip(cv2.GaussianBlur(found, (0, 0), 0.8) + noise, 0.0, 255.0).astype(np.uint8)
+    return np.clip(cv2.GaussianBlur(found, (0, 0), blur) + noise, 0.0, 255.0).astype(np.uint8)
 
 
 def test_tags_are_followed_through_the_jerks_of_a_hand() -> None:
@@ -60,3 +62,14 @@ def test_what_is_no_tag_of_the_robot_is_not_taken_for_one() -> None:
         )
         assert sorted(seen) == [100]
     assert eye.strangers == {7, 8}
+
+
+@pytest.mark.parametrize("blur", [0.6, 1.0, 1.5])
+def test_tags_look_as_large_as_they_are_however_blurred_a_film_is(blur: float) -> None:
+    eye = Eye([0, 1, 100], [100])
+    edges = []
+    for index in range(6):
+        places = {100: (60.3, 260.0), 0: (250.0 + 1.3 * index, 120.0), 1: (430.0, 130.0 - 1.7 * index)}
+        seen = eye.look(picture(places, index, edge=40.0, blur=blur))
+        edges += [edge_of(seen[n]) for n in (0, 1)]
+    assert np.mean(edges) == pytest.approx(40.0, rel=1.5e-3)
