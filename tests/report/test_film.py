@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import av
+import mujoco
 import numpy as np
 import pytest
 from pictures import needs_opengl
@@ -14,12 +15,14 @@ from gaitopt.cli import app as cli
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.problem.problem import Problem
+from gaitopt.report.film.camera import camera_of
 from gaitopt.report.film.film import film_length, frames, loop_rate, write_film
 from gaitopt.report.film.ghost import trial_of
 from gaitopt.report.film.gl import open_context
 from gaitopt.report.film.section import FilmPart, film_on_page_s, film_part
 from gaitopt.report.film.take import Take, take, take_beside
 from gaitopt.report.settings import FilmSettings, ReportSettings
+from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
 SMALL = FilmSettings(size=(160, 90), fps=10.0, loop_size=(80, 46), loop_rates=(10.0, 12.5, 20.0))
@@ -217,3 +220,31 @@ def test_a_page_says_why_it_has_no_film(tmp_path: Path) -> None:
 def test_a_film_on_a_page_shows_whole_cycles() -> None:
     settings = ReportSettings(film_s=3.0)
     assert [film_on_page_s(period, settings) for period in (0.5, 2.0, 4.0)] == [3.0, 4.0, 4.0]
+
+
+def test_the_whole_robot_is_in_the_picture_and_no_obstacle_widens_it() -> None:
+    """Of a robot that is wide across, near feet are far down: they are seen, with a ramp beside it too."""
+    ramp = '<body pos="1 0 0"><geom type="box" size=".4 .4 .05"/></body>'
+    foot = '<body pos="0 -.4 -.1"><joint name="j" axis="1 0 0"/><geom type="box" size=".02 .02 .1"/></body>'
+    robot = f'<body pos="0 0 .2"><freejoint/><geom type="box" size=".12 .2 .03"/>{foot}</body>'
+    settings = FilmSettings()
+
+    def camera(world: str) -> tuple[Take, mujoco.MjvCamera]:
+        text = f'<mujoco><worldbody>{world}</worldbody><actuator><position joint="j"/></actuator></mujoco>'
+        model = mujoco.MjModel.from_xml_string(text)
+        still = Trajectory(np.zeros(1), {}, "ok", poses=model.qpos0[None])
+        shown = Take(model, still, np.eye(3), "still", None, 1.0, float("nan"))
+        path = np.array([[0.0, -0.1, 0.1]])
+        return shown, camera_of(shown, path, np.zeros(1), settings.size, settings)
+
+    shown, alone = camera(robot)
+    assert camera(robot + ramp)[1].distance == pytest.approx(alone.distance)
+    data = mujoco.MjData(shown.model)
+    mujoco.mj_kinematics(shown.model, data)
+    corner = data.geom_xpos[1] - np.array([0.0, 0.02, 0.1])  # of the near foot, the lowest
+    tip, turn = np.radians(alone.elevation), np.radians(alone.azimuth)
+    ahead = np.array([np.cos(tip) * np.cos(turn), np.cos(tip) * np.sin(turn), np.sin(tip)])
+    up = np.cross([np.sin(turn), -np.cos(turn), 0.0], ahead)
+    seen = corner - np.array([0.0, -0.1, 0.1])
+    slope = float(seen @ up) / (alone.distance + float(seen @ ahead))
+    assert abs(slope) < np.tan(np.radians(settings.field_of_view_deg / 2.0))

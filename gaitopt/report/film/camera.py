@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gaitopt.report.film.take import Take
 from gaitopt.report.settings import FilmSettings
+from gaitopt.robot.tree import robot_bodies
 
 _POSES_FOLLOWED, _POSES_FRAMED = 400, 200
 """Poses of a rollout that are looked at, about: to follow the robot, and to keep it in the picture."""
@@ -38,10 +39,10 @@ def camera_of(
     camera.azimuth = math.degrees(math.atan2(left[1], left[0])) + settings.side_deg
     camera.elevation = settings.elevation_deg
     half_view = math.radians(settings.field_of_view_deg) / 2.0
-    across = math.atan(math.tan(half_view) * size[0] / size[1])
-    wide, high = _extent(shown, path)
-    wide = max(wide, min(_ghost_width(shown, path, times), settings.ghost_reach * wide))
-    camera.distance = settings.margin * max(wide / (2 * math.tan(across)), high / (2 * math.tan(half_view)))
+    slopes = np.tan([math.atan(math.tan(half_view) * size[0] / size[1]), half_view]) / settings.margin
+    distance = _distance(shown, path, _axes(camera), slopes)
+    ghost = 0.5 * _ghost_width(shown, path, times) / float(slopes[0])
+    camera.distance = max(distance, min(ghost, settings.ghost_reach * distance))
     return camera
 
 
@@ -50,7 +51,7 @@ def followed(shown: Take) -> NDArray[np.float64]:
     time = shown.trajectory.time
     every = max(1, len(time) // _POSES_FOLLOWED)
     sampled = time[::every]
-    own = np.flatnonzero(shown.model.geom_bodyid > 0)
+    own = np.flatnonzero(_geoms(shown))
     corners = _corners_of(shown, shown.poses[::every], own)
     middles = np.array([0.5 * (each.min(axis=0) + each.max(axis=0)) for each in corners])
     step = float(np.median(np.diff(sampled))) if len(middles) > 1 else 1.0
@@ -59,16 +60,39 @@ def followed(shown: Take) -> NDArray[np.float64]:
     return np.stack([np.interp(time, sampled, series) for series in smooth], axis=1)
 
 
-def _extent(shown: Take, path: NDArray[np.float64]) -> tuple[float, float]:
-    """Return how wide and how high a picture about `path` must be for the robot to stay in it, m."""
-    forward, _, up = shown.axes
-    wide = high = 0.0
-    visible = np.flatnonzero((shown.model.geom_bodyid > 0) & (shown.model.geom_rgba[:, 3] > 0.0))
-    every = max(1, len(path) // _POSES_FRAMED)
-    for corners, seen in zip(_corners_of(shown, shown.poses[::every], visible), path[::every], strict=True):
-        wide = max(wide, 2.0 * float(np.abs((corners - seen) @ forward).max()))
-        high = max(high, 2.0 * float(np.abs((corners - seen) @ up).max()))
-    return wide, high
+def _axes(camera: mujoco.MjvCamera) -> NDArray[np.float64]:
+    """Return right, up and ahead of a camera in the world, shape (3, 3)."""
+    turn, tip = math.radians(camera.azimuth), math.radians(camera.elevation)
+    ahead = np.array([math.cos(tip) * math.cos(turn), math.cos(tip) * math.sin(turn), math.sin(tip)])
+    right = np.array([math.sin(turn), -math.cos(turn), 0.0])
+    return np.stack([right, np.cross(right, ahead), ahead])
+
+
+def _distance(
+    shown: Take, path: NDArray[np.float64], axes: NDArray[np.float64], slopes: NDArray[np.float64]
+) -> float:
+    """Return how far from `path` a camera must stay for the robot to be in the picture, near parts too, m.
+
+    Args:
+        shown: the robot.
+        path: where the camera looks, m, shape (n, 3).
+        axes: right, up and ahead of the camera.
+        slopes: how far to the side, and up, it sees at a distance of 1.
+    """
+    visible = _geoms(shown) & (shown.model.geom_rgba[:, 3] > 0.0)
+    every, distance = max(1, len(path) // _POSES_FRAMED), 0.0
+    poses = _corners_of(shown, shown.poses[::every], np.flatnonzero(visible))
+    for corners, seen in zip(poses, path[::every], strict=True):
+        right, up, ahead = axes @ (corners - seen).T
+        needed = np.maximum(np.abs(right) / slopes[0], np.abs(up) / slopes[1]) - ahead
+        distance = max(distance, float(needed.max(initial=0.0)))
+    return distance
+
+
+def _geoms(shown: Take) -> NDArray[np.bool_]:
+    """Return which geoms are the robot's, shape (ngeom,), or else all that are not the ground's."""
+    own: NDArray[np.bool_] = robot_bodies(shown.model)[shown.model.geom_bodyid]
+    return own if own.any() else shown.model.geom_bodyid > 0
 
 
 def _ghost_width(shown: Take, path: NDArray[np.float64], times: NDArray[np.float64]) -> float:
