@@ -167,11 +167,12 @@ def _explained_by_sets(
 ) -> Causes:
     """Return the answer from sets of effects of any size."""
     judgement, judged = judged_by_sets(judgement, gap.floors, hypotheses, context)
-    verdict = conclude_sets(judgement, judged, len(hypotheses))
-    none = np.empty((0, len(judgement.trial_set.row_blocks)))
     if not judged.candidates:
+        verdict = conclude_sets(judgement, judged, len(hypotheses))
+        none = np.empty((0, len(judgement.trial_set.row_blocks)))
         return Causes(judgement, verdict, None, none, 0.0, context.seed)
     robots = perturbed_about(judgement.trial_set, judgement.first, context)
+    verdict = conclude_sets(judgement, judged, len(hypotheses), judged.doubtful(robots.changes))
     meter = GapMeter(
         judgement.trial_set, judgement.nominal, context.seed, context.settings.evidence.gap_draws
     )

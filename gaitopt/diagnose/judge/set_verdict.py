@@ -17,7 +17,9 @@ from gaitopt.diagnose.judge.verdict import Verdict, other_probability
 Array = NDArray[np.float64]
 
 
-def conclude_sets(judgement: Judgement, sets: JudgedSets, n_hypotheses: int) -> Verdict:
+def conclude_sets(
+    judgement: Judgement, sets: JudgedSets, n_hypotheses: int, doubtful: Collection[str] = ()
+) -> Verdict:
     """Return the answer that sets of effects allow.
 
     What other evidence shows explains a part, however little the fit gains by it: that of effects of chance
@@ -27,6 +29,7 @@ def conclude_sets(judgement: Judgement, sets: JudgedSets, n_hypotheses: int) -> 
         judgement: the trials and the sets.
         sets: the sets.
         n_hypotheses: number of effects tried, each on each of its targets.
+        doubtful: effects that may be at work and are no causes, see `JudgedSets.doubtful`.
     """
     settings = judgement.settings.verdict
     if not sets.candidates or sets.none >= sets.scores[0]:
@@ -36,9 +39,11 @@ def conclude_sets(judgement: Judgement, sets: JudgedSets, n_hypotheses: int) -> 
         return Verdict(kind, other_probability=other)
     first = judgement.first
     chances = at_work(judgement, sets)
-    causes = tuple(name for name, chance in chances.items() if chance > settings.at_work)
-    rest = tuple(n for n, chance in chances.items() if settings.possible <= chance <= settings.at_work)
-    rest += tuple(name for name in stand_ins(judgement, sets, causes) if name not in rest)
+    likely = tuple(name for name, chance in chances.items() if chance > settings.at_work)
+    causes = tuple(name for name in likely if name not in doubtful)
+    rest = tuple(name for name in likely if name in doubtful)
+    rest += tuple(n for n, chance in chances.items() if settings.possible <= chance <= settings.at_work)
+    rest += tuple(name for name in stand_ins(judgement, sets, likely) if name not in rest)
     clear = bool(causes) and not rest
     if not causes:
         causes, rest = rest[:1], rest[1:]

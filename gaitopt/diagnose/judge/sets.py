@@ -191,6 +191,33 @@ class SetJudge:
             h.name for h, one in zip(fit.hypotheses, smaller, strict=True) if finer(one) <= least
         )
 
+    def covariance(self, fit: SetFit, changes: Array, timestep: Array) -> Array:
+        """Return the covariance of a set's parameters, in squares of their ranges, shape (k, k).
+
+        It is the sum of three: that of the fit, and those of the shifts of the fit with perturbed robots and
+        with a finer timestep. That of the fit is the larger one of what the curvature of the loss and what
+        the scatter of the trials' gradients say.
+
+        Args:
+            fit: the set.
+            changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
+            timestep: see `timestep_change`.
+        """
+        loss = self.loss
+        weights = loss.trial_weights(loss.squares(fit.robot.whitened))
+        weighted = weights[loss.row_trials][:, None] * fit.slopes
+        _, prior = self.fitter.prior_rows(fit)
+        inverse = np.linalg.pinv(fit.slopes.T @ weighted + np.diag(prior**2))
+        gradients = weights[:, None] * fit.rows.by_trial(fit.products.mixed)
+        count, k = len(loss.rows), len(fit.hypotheses)
+        scatter = gradients.T @ gradients * count / max(1, count - k)
+        sandwich = inverse @ scatter @ inverse
+        grown = np.sqrt(np.maximum(1.0, np.diag(sandwich) / np.maximum(np.diag(inverse), 1e-300)))
+        alike = changes / math.sqrt(max(1, len(changes)))
+        shifts = np.vstack([*alike, timestep]) @ weighted @ inverse
+        spread: Array = inverse * np.outer(grown, grown) + shifts.T @ shifts
+        return spread
+
     def timestep_change(self, fit: SetFit) -> Array:
         """Return what the reference fidelity changes of the whitened residual of a set, shape (rows,).
 
@@ -264,44 +291,37 @@ class JudgedSets:
         unusual = [sum(one.effect.unusual for one in c.hypotheses) for c in self.candidates]
         return self.scores + 0.5 * np.array(unusual, dtype=float)
 
+    def doubtful(self, changes: Array) -> frozenset[str]:
+        """Return the effects of the first set whose intervals hold their neutral values.
+
+        Args:
+            changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
+        """
+        first = self.candidates[0]
+        pairs = zip(first.hypotheses, self.intervals(first, changes), strict=True)
+        return frozenset(h.effect.name for h, (low, high) in pairs if low <= h.value(h.neutral) <= high)
+
     def intervals(self, candidate: Candidate, changes: Array) -> list[Interval]:
         """Return a 90 % interval of each parameter of a set, in its unit."""
         if candidate.together is None:
             raise ValueError("the candidate is no set of effects")
-        halves = NORMAL_95 * np.sqrt(np.diag(self.covariance(candidate.together, changes)))
-        found = set_intervals(candidate.together, halves)
+        found = set_intervals(candidate.together, self.covariance(candidate.together, changes))
         parts = zip(candidate.hypotheses, found, strict=True)
         return [self.known.get(h.name, interval) for h, interval in parts]
 
     def covariance(self, fit: SetFit, changes: Array) -> Array:
-        """Return the covariance of a set's parameters, in squares of their ranges, shape (k, k).
-
-        It is the sum of three: that of the fit, and those of the shifts of the fit with perturbed robots and
-        with a finer timestep. That of the fit is the larger one of what the curvature of the loss and what
-        the scatter of the trials' gradients say.
-
-        Args:
-            fit: the set.
-            changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
-        """
-        loss = self.judge.loss
-        weights = loss.trial_weights(loss.squares(fit.robot.whitened))
-        weighted = weights[loss.row_trials][:, None] * fit.slopes
-        _, prior = self.judge.fitter.prior_rows(fit)
-        inverse = np.linalg.pinv(fit.slopes.T @ weighted + np.diag(prior**2))
-        gradients = weights[:, None] * fit.rows.by_trial(fit.products.mixed)
-        count, k = len(loss.rows), len(fit.hypotheses)
-        scatter = gradients.T @ gradients * count / max(1, count - k)
-        sandwich = inverse @ scatter @ inverse
-        grown = np.sqrt(np.maximum(1.0, np.diag(sandwich) / np.maximum(np.diag(inverse), 1e-300)))
-        alike = changes / math.sqrt(max(1, len(changes)))
-        shifts = np.vstack([*alike, self.timestep]) @ weighted @ inverse
-        spread: Array = inverse * np.outer(grown, grown) + shifts.T @ shifts
-        return spread
+        """Return the covariance of a set's parameters, see `SetJudge.covariance`."""
+        return self.judge.covariance(fit, changes, self.timestep)
 
 
-def set_intervals(fit: SetFit, halves: Array) -> list[Interval]:
-    """Return an interval of each parameter of a set, in its unit, from half-widths in ranges, shape (k,)."""
+def set_intervals(fit: SetFit, covariance: Array) -> list[Interval]:
+    """Return a 90 % interval of each parameter of a set, in its unit.
+
+    Args:
+        fit: the set.
+        covariance: of its parameters, in squares of their ranges, shape (k, k).
+    """
+    halves = NORMAL_95 * np.sqrt(np.diag(covariance))
     intervals = []
     for h, share, half in zip(fit.hypotheses, fit.shares.tolist(), halves.tolist(), strict=True):
         low, high = h.share_limits

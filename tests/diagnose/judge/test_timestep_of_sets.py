@@ -1,5 +1,6 @@
 """Which effects of a set only make up for the error of the timestep."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from toysets import ToyBench, curved
 
 from gaitopt.diagnose.fit.set_fit import SetFit
 from gaitopt.diagnose.fit.settings import SETS
-from gaitopt.diagnose.judge.sets import SetJudge
+from gaitopt.diagnose.judge.sets import JudgedSets, SetJudge
 
 Array = NDArray[np.float64]
 
@@ -56,3 +57,14 @@ def test_an_effect_counts_by_what_it_changes_beyond_the_timestep(
     beside = judge.simulated_changes(fit, aside)
     least = judge.left(aside)
     assert all(least.min() < without[name] - beside[name] < least.max() for name in without)
+
+
+def test_an_effect_is_doubtful_if_its_interval_holds_its_neutral_value(
+    bench: tuple[SetJudge, SetFit, Array],
+) -> None:
+    judge, fit, error = bench
+    candidate: Any = SimpleNamespace(hypotheses=fit.hypotheses, together=fit)
+    sets = JudgedSets(judge, (candidate,), np.zeros(1), 0.0, (judge.changes(fit),), 0.0 * error)
+    column = fit.slopes[:, fit.effects.index(MIMIC)]
+    assert sets.doubtful(0.1 * column[None]) == set()
+    assert sets.doubtful(column[None]) == {MIMIC}  # a perturbed robot may do what the effect does
