@@ -65,9 +65,13 @@ def check_motion(
 
 def _finding(problem: Problem, found: Sequence[_Coarse], settings: CheckSettings) -> Finding:
     worst, timestep = max(found, key=lambda one: one.share), problem.simulation.working.timestep_s
+    best = min(one.timestep_s for one in found)
+    less = (
+        " or less" if best < timestep / _FINER else ""
+    )  # the shortest tried, which nothing was compared with
     message = (
         f"with a timestep of {timestep:g} s the servos' angles are off by {worst.share:.1%} of their travel "
-        f"against {timestep / _FINER:g} s: take {min(one.timestep_s for one in found):g} s"
+        f"against {timestep / _FINER:g} s: take {best:g} s{less}"
     )
     return Finding(TIMESTEP_CONVERGENCE.name, worst.gait, worst.share, settings.motion_change, message)
 
