@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gaitopt.robot.contact import can_touch
 from gaitopt.robot.roles import Roles
-from gaitopt.robot.tree import driven_joints, robot_bodies, robot_roots, surroundings, trunk
+from gaitopt.robot.tree import every_driven_joint, robot_bodies, robot_roots, surroundings, trunk
 
 ALL = "all"
 """The target that stands for every actuator."""
@@ -76,7 +76,7 @@ class Parts:
     @cached_property
     def undriven_hinges(self) -> list[int]:
         """Joint ids of the passive hinges that no actuator turns as well."""
-        driven = {joint for i in range(len(self.channels)) for joint in driven_joints(self.model, i)}
+        driven = every_driven_joint(self.model, range(len(self.channels)))
         return [j for j in self.hinges if j not in driven]
 
     @cached_property

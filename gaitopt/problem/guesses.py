@@ -19,7 +19,7 @@ from gaitopt.problem.drafting.heading import forward_axis, up_axis
 from gaitopt.problem.drafting.motors import ASSUMED_RANGE_RAD
 from gaitopt.problem.drafting.standing import Standing, joint_travel
 from gaitopt.robot.contact import can_touch, mixed_friction
-from gaitopt.robot.tree import driven_joints, robot_bodies, surroundings, trunk
+from gaitopt.robot.tree import driven_joints, every_driven_joint, robot_bodies, surroundings, trunk
 
 _TRUNK_SITES = ("marker", "torso", "trunk", "body", "base", "com", "imu")
 """What sites in the middle of a trunk are called, the best first."""
@@ -279,7 +279,7 @@ def _touchable(model: mujoco.MjModel) -> list[int]:
 
 def _passive_hinges(model: mujoco.MjModel) -> list[str]:
     """Return the robot's hinges that no actuator turns, without those by which the trunk moves."""
-    driven = {joint for i in range(model.nu) for joint in driven_joints(model, i)}
+    driven = every_driven_joint(model)
     own, base, hinge = robot_bodies(model), trunk(model), int(mujoco.mjtJoint.mjJNT_HINGE)
     found = [
         str(model.joint(i).name)

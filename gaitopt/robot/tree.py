@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import mujoco
 import numpy as np
@@ -40,6 +40,12 @@ def driven_joints(model: mujoco.MjModel, actuator: int) -> dict[int, float]:
         joint = int(model.wrap_objid[wrap])
         shares[joint] = shares.get(joint, 0.0) + gear * float(model.wrap_prm[wrap])
     return {joint: share for joint, share in shares.items() if share != 0.0}
+
+
+def every_driven_joint(model: mujoco.MjModel, actuators: Iterable[int] | None = None) -> set[int]:
+    """Return the joints that any of some actuators turns; of all actuators by default."""
+    some = range(model.nu) if actuators is None else actuators
+    return {joint for actuator in some for joint in driven_joints(model, actuator)}
 
 
 def servo_joint(model: mujoco.MjModel, actuator: int) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gaitopt.problem.drafting.heading import up_axis
 from gaitopt.problem.drafting.standing import FALLEN_RAD, Standing, tilt_of
-from gaitopt.robot.tree import driven_joints, in_water, robot_bodies, trunk
+from gaitopt.robot.tree import driven_joints, every_driven_joint, in_water, robot_bodies, trunk
 
 FAMILIES = ("crawler", "quadruped", "hexapod", "snake", "swimmer", "other")
 
@@ -79,14 +79,14 @@ def is_chain(model: mujoco.MjModel) -> bool:
 
 def _bends_sideways(model: mujoco.MjModel, standing: Standing) -> bool:
     """Return whether two servos of a chain, or its only one, turn about what is upright at rest."""
-    joints = {joint for i in range(model.nu) for joint in driven_joints(model, i)}
+    joints = every_driven_joint(model)
     upright = np.abs(standing.rested.xaxis[sorted(joints)] @ up_axis(model)[0]) > 0.5
     return int(upright.sum()) >= min(2, len(joints))
 
 
 def _driven_bodies(model: mujoco.MjModel) -> set[int]:
     """Return the bodies with a joint that an actuator turns."""
-    joints = {joint for i in range(model.nu) for joint in driven_joints(model, i)}
+    joints = every_driven_joint(model)
     return {int(model.jnt_bodyid[joint]) for joint in joints}
 
 

@@ -15,7 +15,15 @@ from gaitopt.problem.drafting.faults import Faults
 from gaitopt.problem.drafting.motors import is_servo
 from gaitopt.problem.start import held_activation
 from gaitopt.robot.contact import can_touch
-from gaitopt.robot.tree import driven_joints, free_joint, in_water, robot_bodies, surroundings, trunk
+from gaitopt.robot.tree import (
+    driven_joints,
+    every_driven_joint,
+    free_joint,
+    in_water,
+    robot_bodies,
+    surroundings,
+    trunk,
+)
 
 Array = NDArray[np.float64]
 
@@ -170,7 +178,7 @@ def _say_diverged(model: mujoco.MjModel, data: mujoco.MjData, faults: Faults) ->
     """Note that the simulation diverges, and the joints that are the likely cause."""
     hinges = [j for j in range(model.njnt) if int(model.jnt_type[j]) >= int(mujoco.mjtJoint.mjJNT_SLIDE)]
     dofs = {j: int(model.jnt_dofadr[j]) for j in hinges}
-    kv = {j for i in range(model.nu) if model.actuator_biasprm[i, 2] for j in driven_joints(model, i)}
+    kv = every_driven_joint(model, np.flatnonzero(model.actuator_biasprm[: model.nu, 2]).tolist())
     bare = [
         str(model.joint(j).name)
         for j, dof in dofs.items()
