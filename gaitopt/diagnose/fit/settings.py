@@ -304,7 +304,7 @@ class SetSettings:
     gaussian: float = 1000.0
     heldout_radius: float = 0.1
     inclusion: float = 6.0
-    probable: float = 0.02
+    probable: float = 0.05
     motion: float = 0.1
     reweighted: int = 3
     first_radius: float = 0.35

@@ -148,48 +148,42 @@ class SetJudge:
         squares = [self.left(fit.slopes[:, i] * move) for i, move in enumerate(moves)]
         return {h.name: float(one.max()) for h, one in zip(fit.hypotheses, squares, strict=True)}
 
-    def simulated_changes(self, fit: SetFit, timestep: Array) -> dict[str, float]:
+    def simulated_changes(self, fits: Sequence[SetFit], timestep: Array) -> list[dict[str, float]]:
         """Return the same from robots without each effect, beyond what the timestep changes in that trial.
 
-        An effect that the set can do without at the reference fidelity changes nothing.
+        An effect that a set can do without at the reference fidelity changes nothing. What an effect of the
+        first set changes there it changes in other sets, too.
 
         Args:
-            fit: the set.
+            fits: some sets.
             timestep: see `timestep_change`.
         """
-        smaller = self.without_each(fit)
-        idle, least = self.idle(fit, smaller, timestep), self.left(timestep)
-        changes = [self.left(one.robot.whitened - fit.robot.whitened) - least for one in smaller]
-        pairs = zip(fit.hypotheses, changes, strict=True)
-        return {h.name: 0.0 if h.name in idle else float(one.max()) for h, one in pairs}
+        first = self._simulated_changes(fits[:1], timestep, {})
+        known = {name: change for name, change in first[0].items() if change > 0.0}
+        return first + self._simulated_changes(fits[1:], timestep, known)
 
-    def without_each(self, fit: SetFit) -> list[SetFit]:
-        """Return the set without each of its effects, simulated; by the slopes where that cannot be done."""
-        smaller = [self.fitter.without_effect(fit, i) for i in range(len(fit.hypotheses))]
+    def _simulated_changes(
+        self, fits: Sequence[SetFit], timestep: Array, known: Mapping[str, float]
+    ) -> list[dict[str, float]]:
+        """Return the changes by the effects of some sets; those that are known are not simulated."""
+        work = [(k, h.name, i) for k, one in enumerate(fits) for i, h in enumerate(one.hypotheses)]
+        work = [(k, name, i) for k, name, i in work if name not in known]
+        smaller = [self.fitter.without_effect(fits[k], i) for k, _, i in work]
         robots = self.fitter.simulate([robot_request(one.point) for one in smaller])
-        return [
-            one if robot is None else self.fitter.at_robot(one, robot)
-            for one, robot in zip(smaller, robots, strict=True)
-        ]
+        changes = [{h.name: known.get(h.name, 0.0) for h in one.hypotheses} for one in fits]
+        least = [self._finer(one, timestep) for one in fits]
+        for (k, name, _), one, robot in zip(work, smaller, robots, strict=True):
+            without = one if robot is None else self.fitter.at_robot(one, robot)
+            if self._finer(without, timestep) > least[k]:
+                apart = self.left(without.robot.whitened - fits[k].robot.whitened)
+                changes[k][name] = float(np.max(apart - self.left(timestep)))
+        return changes
 
-    def idle(self, fit: SetFit, smaller: Sequence[SetFit], timestep: Array) -> frozenset[str]:
-        """Return the effects without which a set scores as well at the reference fidelity, by the slopes.
-
-        Args:
-            fit: the set.
-            smaller: the set without each of its effects.
-            timestep: see `timestep_change`.
-        """
-
-        def finer(one: SetFit) -> float:
-            robot = replace(one.robot, whitened=one.robot.whitened + timestep)
-            there = replace(self.fitter.at_robot(one, robot), radius=self.settings.heldout_radius)
-            return self.fitter.expected(there)[1] + self.fitter.price(one)
-
-        least = finer(fit)
-        return frozenset(
-            h.name for h, one in zip(fit.hypotheses, smaller, strict=True) if finer(one) <= least
-        )
+    def _finer(self, fit: SetFit, timestep: Array) -> float:
+        """Return the score of a set at the reference fidelity after the best step, as the slopes predict."""
+        robot = replace(fit.robot, whitened=fit.robot.whitened + timestep)
+        there = replace(self.fitter.at_robot(fit, robot), radius=self.settings.heldout_radius)
+        return self.fitter.expected(there)[1] + self.fitter.price(fit)
 
     def covariance(self, fit: SetFit, changes: Array, timestep: Array) -> Array:
         """Return the covariance of a set's parameters, in squares of their ranges, shape (k, k).
@@ -275,14 +269,14 @@ class JudgedSets:
         order = [i for i in np.argsort(-scores, kind="stable").tolist() if every[i].hypotheses]
         none = [float(score) for one, score in zip(every, scores, strict=True) if not one.hypotheses]
         none = [] if known else none
-        probable = probabilities(scores[order]) >= judge.settings.probable if order else np.array([])
-        timestep = judge.timestep_change(sets[order[0]]) if order else np.zeros(len(judge.loss.row_trials))
-        changes = [
-            judge.simulated_changes(sets[i], timestep) if simulated else judge.changes(sets[i])
-            for i, simulated in zip(order, probable.tolist(), strict=True)
-        ]
+        fits, best = [sets[i] for i in order], max(none, default=-math.inf)
+        if not fits:
+            return JudgedSets(judge, (), scores[order], best, (), np.zeros(len(judge.loss.row_trials)), known)
+        probable = max(1, int(np.sum(probabilities(scores[order]) >= judge.settings.probable)))
+        timestep = judge.timestep_change(fits[0])
+        changes = judge.simulated_changes(fits[:probable], timestep)
+        changes += [judge.changes(fit) for fit in fits[probable:]]
         candidates = tuple(every[i] for i in order)
-        best = max(none, default=-math.inf)
         return JudgedSets(judge, candidates, scores[order], best, tuple(changes), timestep, known)
 
     @property

@@ -36,7 +36,7 @@ def test_an_effect_that_stands_for_the_error_of_the_timestep_changes_nothing(
 ) -> None:
     judge, fit, error = bench
     assert sorted(fit.effects) == ["cause", "mimic"]
-    changes = judge.simulated_changes(fit, -error)
+    changes = judge.simulated_changes([fit], -error)[0]
     assert changes[MIMIC] == 0.0
     assert changes[CAUSE] > 10.0
 
@@ -45,7 +45,7 @@ def test_the_same_effect_counts_where_the_timestep_changes_nothing(
     bench: tuple[SetJudge, SetFit, Array],
 ) -> None:
     judge, fit, error = bench
-    assert min(judge.simulated_changes(fit, 0.0 * error).values()) > 2.0
+    assert min(judge.simulated_changes([fit], 0.0 * error)[0].values()) > 2.0
 
 
 def test_an_effect_counts_by_what_it_changes_beyond_the_timestep(
@@ -53,8 +53,8 @@ def test_an_effect_counts_by_what_it_changes_beyond_the_timestep(
 ) -> None:
     judge, fit, error = bench
     aside = np.random.default_rng(4).standard_normal(ROWS)
-    without = judge.simulated_changes(fit, 0.0 * error)
-    beside = judge.simulated_changes(fit, aside)
+    without = judge.simulated_changes([fit], 0.0 * error)[0]
+    beside = judge.simulated_changes([fit], aside)[0]
     least = judge.left(aside)
     assert all(least.min() < without[name] - beside[name] < least.max() for name in without)
 
