@@ -92,6 +92,7 @@ def test_a_search_is_not_lost_to_its_sensitivities(
     assert (out / "report.html").exists()
 
 
+@pytest.mark.slow
 def test_ctrl_c_in_the_page_leaves_a_finished_search(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -148,6 +149,7 @@ def test_a_figure_that_fails_leaves_a_note(
     assert (out / "figures" / "position.png").exists()
 
 
+@pytest.mark.slow
 def test_a_film_that_fails_leaves_a_note(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -100,6 +100,7 @@ def test_no_figure_depends_on_a_clock_that_can_jump() -> None:
             )
 
 
+@pytest.mark.slow
 def test_a_clock_that_jumps_changes_no_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every reading of every clock is another day, before or after the last."""
     arguments = ["optimise", str(STRIDER), "--budget", "12", "--seed", "2", "--workers", "1", "--quiet"]

@@ -81,6 +81,7 @@ def test_a_failed_rollout_has_no_figures_and_leaves_the_next_one_alone(tmp_path:
     assert same_bits(runs[bad + 1], fresh.run(gaits[bad + 1]))
 
 
+@pytest.mark.slow
 def test_a_study_goes_on_and_the_report_counts_why_gaits_failed(tmp_path: Path) -> None:
     problem, out = granted(tmp_path / "robot", "5K"), tmp_path / "out"
     arguments = ("optimise", problem.source.parent, "--budget", 12, "--seed", 3, "--out", out, "--quiet")

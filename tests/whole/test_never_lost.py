@@ -82,6 +82,7 @@ MOMENTS: dict[str, Callable[[Path], bool]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_a_killed_run_is_resumed_to_the_same_bits(whole: Path, tmp_path: Path, moment: str) -> None:
     folder = tmp_path / "run"
@@ -98,6 +99,7 @@ def test_a_killed_run_is_resumed_to_the_same_bits(whole: Path, tmp_path: Path, m
     assert {path.name for path in folder.iterdir()} == {path.name for path in whole.iterdir()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moment", ["in the search", "in the report"])
 def test_ctrl_c_says_what_was_found_and_how_to_go_on(whole: Path, tmp_path: Path, moment: str) -> None:
     folder = tmp_path / "a run"
@@ -125,6 +127,7 @@ def test_ctrl_c_ends_worker_processes_in_silence(tmp_path: Path) -> None:
     assert len(err.splitlines()) == 2
 
 
+@pytest.mark.slow
 def test_ctrl_c_at_any_moment_is_one_clean_end(tmp_path: Path) -> None:
     """From the first import of a command on; `test_kills.py` has the stages of the work after them."""
     begun = [sys.executable, "-c", GAITOPT[-1].replace("; ", "; print(flush=True); ")]
@@ -144,6 +147,7 @@ def test_ctrl_c_at_any_moment_is_one_clean_end(tmp_path: Path) -> None:
         assert folder.exists() == (rows(folder) > 0)
 
 
+@pytest.mark.slow
 def test_sigterm_at_any_moment_is_one_clean_end(tmp_path: Path) -> None:
     """As a service manager or a batch system sends it, to worker processes too."""
     for index, executor in enumerate(("threads", "processes")):
@@ -166,6 +170,7 @@ def edit_mass(folder: Path) -> None:
     edited(folder / "problem.toml", "value = 0.03\n", "value = 0.06\n")
 
 
+@pytest.mark.slow
 def test_the_run_folders_own_problem_decides_when_a_search_goes_on(tmp_path: Path) -> None:
     """The problem that it was made from may have changed since, or be gone."""
     robot = problem_folder(tmp_path / "robot", STRIDER)
@@ -197,6 +202,7 @@ def test_ctrl_c_waits_for_the_end_of_an_import(tmp_path: Path, monkeypatch: pyte
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+@pytest.mark.slow
 def test_two_processes_cannot_share_a_folder(whole: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     process = start("optimise", STRIDER, *BUDGET, "--out", folder, "--quiet")
@@ -210,6 +216,7 @@ def test_two_processes_cannot_share_a_folder(whole: Path, tmp_path: Path) -> Non
     assert result(folder) == result(whole)
 
 
+@pytest.mark.slow
 def test_of_runs_started_together_one_gets_the_folder(whole: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     together = [start("optimise", STRIDER, *BUDGET, "--out", folder, "--quiet") for _ in range(3)]
@@ -220,6 +227,7 @@ def test_of_runs_started_together_one_gets_the_folder(whole: Path, tmp_path: Pat
     assert result(folder) == result(whole)
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_line_and_nothing_is_lost(whole: Path, tmp_path: Path) -> None:
     """A limit on file size replaces it: writing beyond the limit fails like writing to a full disk."""
 
