@@ -21,6 +21,7 @@ WORDS = {
     "gaitopt.export.handover",  # the record of export's options
     "gaitopt.plan.plan",  # what the planar model misses
     "gaitopt.report.words",  # sentences
+    "gaitopt.simulation.audit.finding",  # findings said briefly
 }
 """What commands import beside jobs: names, records and words."""
 
