@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.robot.boxes import box_corners
 from gaitopt.robot.tree import robot_bodies, trunk
 
 Array = NDArray[np.float64]
@@ -84,8 +85,8 @@ def _by_shape(
     for what, points in (
         ("its limbs hang", hips),
         ("its feet stand", feet),
-        ("its trunk is", _corners(model, data, own[model.geom_bodyid[own] == trunk(model)])),
-        ("it is", _corners(model, data, own)),
+        ("its trunk is", box_corners(data, own[model.geom_bodyid[own] == trunk(model)])),
+        ("it is", box_corners(data, own)),
     ):
         sides = [float(np.ptp(points @ axis)) if len(points) else 0.0 for axis in axes]
         longer = int(np.argmax(sides))
@@ -114,16 +115,6 @@ def _hips(model: mujoco.MjModel, pads: Sequence[int]) -> list[int]:
             body = int(model.body_parentid[body])
         found |= {body} - {base}
     return sorted(found) if len(found) >= _LIMBS else []
-
-
-def _corners(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp]) -> Array:
-    """Return the corners of each geom's box, shape (n, 3)."""
-    middle, half = np.split(model.geom_aabb[geoms], 2, axis=1)
-    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-    turns = data.geom_xmat[geoms].reshape(-1, 3, 3)
-    own = middle[:, None] + signs * half[:, None]
-    corners: Array = data.geom_xpos[geoms, None] + np.einsum("gij,gcj->gci", turns, own)
-    return corners.reshape(-1, 3)
 
 
 def _mirrors(places: Array, sizes: Array, across: Array) -> bool:

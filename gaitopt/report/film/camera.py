@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gaitopt.report.film.take import Take
 from gaitopt.report.settings import FilmSettings
+from gaitopt.robot.boxes import box_corners
 from gaitopt.robot.tree import robot_bodies
 
 _POSES_FOLLOWED, _POSES_FRAMED = 400, 200
@@ -110,15 +111,11 @@ def _corners_of(
     shown: Take, poses: NDArray[np.float64], geoms: NDArray[np.intp]
 ) -> Iterator[NDArray[np.float64]]:
     """Yield the corners of the boxes around some geoms in the world at each pose, m, shape (8 n, 3)."""
-    model, data = shown.model, mujoco.MjData(shown.model)
-    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-    centre, half = model.geom_aabb[geoms, :3], model.geom_aabb[geoms, 3:]
-    local = centre[:, None] + signs * half[:, None]
+    data = mujoco.MjData(shown.model)
     for pose in poses:
         data.qpos[:] = pose
-        mujoco.mj_kinematics(model, data)
-        turned = np.einsum("gij,gcj->gci", data.geom_xmat[geoms].reshape(-1, 3, 3), local)
-        yield (data.geom_xpos[geoms, None] + turned).reshape(-1, 3)
+        mujoco.mj_kinematics(shown.model, data)
+        yield box_corners(data, geoms)
 
 
 def _running_mean(series: NDArray[np.float64], half: int) -> NDArray[np.float64]:

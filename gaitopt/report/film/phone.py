@@ -17,6 +17,7 @@ from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.core.streams import seeded
 from gaitopt.report.film.gl import open_context
 from gaitopt.report.film.stage import Stage, Stand, looking, robot_corners
+from gaitopt.robot.boxes import CUBE
 from gaitopt.track.lens import Lens
 from gaitopt.track.opencv import opencv
 from gaitopt.track.tag import CELLS, pattern
@@ -28,9 +29,6 @@ _TEXELS = 32
 
 _EDGE_PX = 4
 """How much is drawn anew around a robot that moved, pixels."""
-
-_CUBE = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-"""Corners of a cube, shape (8, 3)."""
 
 
 @dataclass(frozen=True)
@@ -246,7 +244,7 @@ class Studio:
         data, reach = self._data, 0.5 * (CELLS + 2) / CELLS
         corners = [robot_corners(data)]
         for site, edge in self._stage.tags.values():
-            corners.append(data.site(site).xpos + reach * math.sqrt(2.0) * edge * _CUBE)
+            corners.append(data.site(site).xpos + reach * math.sqrt(2.0) * edge * CUBE)
         turn, shift = camera
         ahead = np.concatenate(corners) @ self._stage.axes.T @ turn.T + shift
         places = self._phone.focal * ahead[:, :2] / np.maximum(ahead[:, 2:], 1e-3) + 0.5 * np.array(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gaitopt.core.errors import GaitoptError
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem
+from gaitopt.robot.boxes import box_corners
 from gaitopt.robot.rotation import roll_pitch_yaw
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.track.floor_sheet import SHEET_MM, SHEET_TAG_MM
@@ -121,7 +122,4 @@ def robot_corners(data: mujoco.MjData) -> Array:
     """Return the corners of the boxes around the robot's visible geoms in the world, m, shape (n, 3)."""
     model = data.model
     own = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_rgba[:, 3] > 0.0))
-    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-    local = model.geom_aabb[own, None, :3] + signs * model.geom_aabb[own, None, 3:]
-    turned = np.einsum("gij,gcj->gci", data.geom_xmat[own].reshape(-1, 3, 3), local)
-    return np.asarray(data.geom_xpos[own, None] + turned).reshape(-1, 3)
+    return box_corners(data, own)
