@@ -55,8 +55,7 @@ class Step:
 
 def coarser(setup: RobotSetup, factor: float) -> RobotSetup:
     """Return a setup whose timestep is longer by a factor."""
-    step = {"timestep_s": factor * setup.fidelity.timestep_s}
-    return RobotSetup.of(setup.problem, setup.scenarios, setup.fidelity.model_copy(update=step))
+    return RobotSetup.of(setup.problem, setup.scenarios, setup.fidelity.scaled(factor))
 
 
 def shorter(setup: RobotSetup, factor: float) -> RobotSetup:

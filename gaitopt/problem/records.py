@@ -153,6 +153,10 @@ class Fidelity(FileRecord):
     timestep_s: Annotated[float, Field(ge=1e-6, le=0.1), PLAIN_NUMBER]
     integrator: Integrator
 
+    def scaled(self, factor: float) -> Fidelity:
+        """Return this fidelity with a timestep longer by a factor."""
+        return self.model_copy(update={"timestep_s": factor * self.timestep_s})
+
 
 class Horizon(FileRecord):
     """Which part of a rollout counts: whole cycles after the transient.

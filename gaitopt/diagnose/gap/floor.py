@@ -106,7 +106,7 @@ def measure_floors(
         settings: see `FloorSettings`.
     """
     working = simulator.fidelity
-    halved = working.model_copy(update={"timestep_s": 0.5 * working.timestep_s})
+    halved = working.scaled(0.5)
     noises = _noises([aligned.trial for aligned in trials], settings)
     repeats = [_repeats(aligned, trials) for aligned in trials]
     others = _like_others(trials, repeats)

@@ -38,7 +38,7 @@ def perturbed_robots(
     seeds = rng.integers(2**31, size=count).tolist()
     scenarios = tuple(Scenario(start_pose_rad=size, pose_seed=number) for number in seeds)
     base = Simulator.build(simulator.problem, scenarios, simulator.fidelity)
-    halved = simulator.fidelity.model_copy(update={"timestep_s": 0.5 * simulator.fidelity.timestep_s})
+    halved = simulator.fidelity.scaled(0.5)
     robots = []
     for index in range(count):
         model = with_small_errors(base.models[index], simulator, rng, settings)

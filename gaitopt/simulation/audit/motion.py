@@ -10,7 +10,6 @@ import numpy as np
 
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
-from gaitopt.problem.records import Fidelity
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.audit.finding import TIMESTEP_CONVERGENCE, Finding
 from gaitopt.simulation.audit.settings import CheckSettings
@@ -66,9 +65,8 @@ def check_motion(
 def _finding(problem: Problem, found: Sequence[_Coarse], settings: CheckSettings) -> Finding:
     worst, timestep = max(found, key=lambda one: one.share), problem.simulation.working.timestep_s
     best = min(one.timestep_s for one in found)
-    less = (
-        " or less" if best < timestep / _FINER else ""
-    )  # the shortest tried, which nothing was compared with
+    shortest_tried = best < timestep / _FINER  # nothing was compared with it
+    less = " or less" if shortest_tried else ""
     message = (
         f"with a timestep of {timestep:g} s the servos' angles are off by {worst.share:.1%} of their travel "
         f"against {timestep / _FINER:g} s: take {best:g} s{less}"
@@ -89,8 +87,7 @@ def _enough(
 
 
 def _at(coarse: Simulator, divisor: int) -> Simulator:
-    fidelity = coarse.fidelity
-    return coarse.at(Fidelity(timestep_s=fidelity.timestep_s / divisor, integrator=fidelity.integrator))
+    return coarse.at(coarse.fidelity.scaled(1.0 / divisor))
 
 
 def _apart(problem: Problem, run: Trajectory, other: Trajectory) -> float:

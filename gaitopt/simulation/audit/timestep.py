@@ -11,7 +11,6 @@ import numpy as np
 from gaitopt.core.statistics import NORMAL_95
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
-from gaitopt.problem.records import Fidelity
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.audit.finding import DIVERGED, TIMESTEP_CONVERGENCE, Finding
@@ -31,11 +30,10 @@ def check_timestep(
     if problem.roles.marker is None:
         return
     working = problem.simulation.working
-    halved = Fidelity(timestep_s=working.timestep_s / 2.0, integrator=working.integrator)
     spread = settings.start_spread_rad
     starts = tuple(Scenario(start_pose_rad=spread, pose_seed=i) for i in range(settings.starts))
     coarse = Simulator.build(problem, starts, working)
-    simulators = (coarse, coarse.at(halved))
+    simulators = (coarse, coarse.at(working.scaled(0.5)))
     for gait in problem.baselines.values():
         if gait.name in diverged:
             continue
