@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import mujoco
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.problem.drafting.family import Limb, limbs_of, rows_of
 from gaitopt.problem.drafting.standing import Standing
-from gaitopt.problem.drafting.trials import Wave, play
+from gaitopt.problem.drafting.trials import Trial, Wave, play
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.tree import driven_joints, trunk
 
@@ -56,6 +56,10 @@ class FirstGait:
     meaning: str
     period_s: float
     waves: Mapping[str, Wave]
+
+
+Try = Callable[[FirstGait], Trial]
+"""Plays a gait, and returns how it went."""
 
 
 @dataclass(frozen=True)
@@ -116,50 +120,42 @@ def first_gaits(
         axes: forward, left and up as rows.
         travels: what each servo may do, in the model's order.
     """
+
+    def tried(gait: FirstGait) -> Trial:
+        return play(model, standing, gait.waves, gait.period_s, axes)
+
     if family in ("snake", "swimmer"):
-        return [_undulation(model, standing, axes, travels)]
+        return [_undulation(model, from_front(model, standing, axes), travels, tried)]
     legs = [_leg(model, standing, limb, axes) for limb in limbs_of(model, pads)]
     period = max(_period(model, standing, axes), _slowest(model, _SWING_DEG))
     gaits = [
-        _first_that_goes(order, legs, model, standing, axes, travels, period)
+        _first_that_goes(_ever_milder(order, legs, model, travels, period), tried)
         for order in _orders(family, legs)
     ]
-    return gaits or [_fastest(_in_turn(model, travels), model, standing, axes)]
+    return gaits or [_fastest(_in_turn(model, travels), tried)[0]]
 
 
-def _first_that_goes(
-    order: _Order,
-    legs: Sequence[_Leg],
-    model: mujoco.MjModel,
-    standing: Standing,
-    axes: Array,
-    travels: Sequence[Travel],
-    period: float,
-) -> FirstGait:
-    """Return the gait of the first of `_TRIALS` that keeps the robot on its feet and goes forward.
+def _first_that_goes(gaits: Iterable[FirstGait], tried: Try) -> FirstGait:
+    """Return the first gait that keeps the robot on its feet and goes forward.
 
     Without one it is the first that keeps it on its feet, or the last.
     """
     upright: list[FirstGait] = []
-    for reach, slower in _TRIALS:
-        waves = _stepping(legs, order, travels, reach)
-        seconds = max(round(min(_LONGEST_S, slower * order.periods * period), 3), _followed(model, waves))
-        gait = FirstGait(order.name, order.meaning, seconds, waves)
-        trial = play(model, standing, waves, seconds, axes)
+    for gait in gaits:
+        trial = tried(gait)
         if trial.upright and trial.ahead_m_s > 0.0:
             return gait
         upright += [gait] * trial.upright
     return (upright or [gait])[0]
 
 
-def _fastest(gaits: Sequence[FirstGait], model: mujoco.MjModel, standing: Standing, axes: Array) -> FirstGait:
-    """Return the gait that goes forward fastest, of those that stay on the ground."""
+def _fastest(gaits: Sequence[FirstGait], tried: Try) -> tuple[FirstGait, Trial]:
+    """Return the gait that goes forward fastest, of those that stay on the ground, and how it went."""
+    return max(((gait, tried(gait)) for gait in gaits), key=_speed)
 
-    def key(gait: FirstGait) -> tuple[bool, float]:
-        trial = play(model, standing, gait.waves, gait.period_s, axes)
-        return trial.ran, trial.ahead_m_s
 
-    return max(gaits, key=key)
+def _speed(went: tuple[FirstGait, Trial]) -> tuple[bool, float]:
+    return went[1].ran, went[1].ahead_m_s
 
 
 @dataclass(frozen=True)
@@ -178,6 +174,16 @@ class _Order:
     periods: float
     phases: Sequence[float]
     lifted: float = 0.5
+
+
+def _ever_milder(
+    order: _Order, legs: Sequence[_Leg], model: mujoco.MjModel, travels: Sequence[Travel], period: float
+) -> Iterator[FirstGait]:
+    """Yield the gait of each of `_TRIALS`; `period` is that of a trot, s."""
+    for reach, slower in _TRIALS:
+        waves = _stepping(legs, order, travels, reach)
+        seconds = max(round(min(_LONGEST_S, slower * order.periods * period), 3), _followed(model, waves))
+        yield FirstGait(order.name, order.meaning, seconds, waves)
 
 
 def _orders(family: str, legs: Sequence[_Leg]) -> list[_Order]:
@@ -281,10 +287,16 @@ def _signed(travel: Travel, duty: float, phase: float, amplitude: float, offset:
 
 
 def _undulation(
-    model: mujoco.MjModel, standing: Standing, axes: Array, travels: Sequence[Travel]
+    model: mujoco.MjModel, order: Sequence[int], travels: Sequence[Travel], tried: Try
 ) -> FirstGait:
-    """Return a wave along a body: the way in which it drives it forward, then the fastest pace and travel."""
-    order = from_front(model, standing, axes)
+    """Return a wave along a body: the way in which it drives it forward, then the fastest pace and travel.
+
+    Args:
+        model: the robot.
+        order: its servos, the foremost first.
+        travels: what each servo may do.
+        tried: plays a gait.
+    """
 
     def wave(rearward: bool, bend: float, pace: float) -> FirstGait:
         way = -1.0 if rearward else 1.0
@@ -300,10 +312,10 @@ def _undulation(
         return FirstGait("undulation", meaning, period, waves)
 
     ways = [wave(rearward, _BENDS_DEG[0], _PACES[0]) for rearward in (True, False)]
-    best = _fastest(ways, model, standing, axes)
-    rearward = best is ways[0]
+    better = _fastest(ways, tried)
+    rearward = better[0] is ways[0]
     others = [wave(rearward, bend, pace) for bend, pace in itertools.product(_BENDS_DEG, _PACES)]
-    return _fastest([best, *others[1:]], model, standing, axes)
+    return max(better, _fastest(others[1:], tried), key=_speed)[0]
 
 
 def from_front(model: mujoco.MjModel, standing: Standing, axes: Array) -> list[int]:
