@@ -17,6 +17,7 @@ from gaitopt.gait.calibration import Calibration
 from gaitopt.problem.drafting.family import guess_pads, limbs_of
 from gaitopt.problem.drafting.heading import forward_axis, up_axis
 from gaitopt.problem.drafting.motors import ASSUMED_RANGE_RAD
+from gaitopt.problem.drafting.names import unused
 from gaitopt.problem.drafting.standing import Standing, joint_travel
 from gaitopt.robot.contact import can_touch, mixed_friction
 from gaitopt.robot.tree import driven_joints, every_driven_joint, robot_bodies, surroundings, trunk
@@ -254,10 +255,7 @@ def _marker(model: mujoco.MjModel, pads: Sequence[int]) -> tuple[str, str]:
         return str(model.site(best).name), f"marker: the site {model.site(best).name} of the trunk"
     if called and len(legs) < _LEGS:
         return str(model.site(called[0]).name), "marker: the site that is called so, as the trunk has none"
-    taken, number = {str(model.site(i).name) for i in sites}, 2
-    name = NEW_MARKER
-    while name in taken:
-        name, number = f"{NEW_MARKER}_{number}", number + 1
+    name = unused(NEW_MARKER, {str(model.site(i).name) for i in sites})
     other = f"; {model.site(called[0]).name} moves with a leg" if called else ""
     return name, f"marker: a site added to the trunk, which has none{other}"
 

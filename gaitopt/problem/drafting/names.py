@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 
 _NESTED = ("body", "frame", "replicate")
 """Elements that hold parts of the world: inside others, such as `composite`, names mean something else."""
@@ -30,11 +31,8 @@ def name_parts(root: ET.Element) -> list[str]:
     counts: dict[str, int] = {}
 
     def give(element: ET.Element, kind: str, name: str) -> None:
-        taken = names[kind]
-        number, chosen = 2, name
-        while chosen in taken:
-            number, chosen = number + 1, f"{name}_{number}"
-        taken.add(chosen)
+        chosen = unused(name, names[kind])
+        names[kind].add(chosen)
         element.set("name", chosen)
         counts[kind] = counts.get(kind, 0) + 1
 
@@ -50,6 +48,12 @@ def name_parts(root: ET.Element) -> list[str]:
     return [
         f"{count} {kind if count == 1 else plural.get(kind, f'{kind}s')}" for kind, count in counts.items()
     ]
+
+
+def unused(name: str, taken: Container[str]) -> str:
+    """Return a name, with a number behind it where it is taken."""
+    numbered = (f"{name}_{number}" for number in itertools.count(2))
+    return next(one for one in itertools.chain([name], numbered) if one not in taken)
 
 
 def _parts(element: ET.Element, owner: str) -> Iterator[tuple[ET.Element, str]]:

@@ -196,7 +196,7 @@ def check_ground(model: mujoco.MjModel, faults: Faults) -> None:
     """Note that a robot with a free trunk and weight has nothing around it that can carry it."""
     free = free_joint(model, trunk(model)) is not None
     if free and model.opt.gravity.any() and not in_water(model):
-        _is_carried(model, faults)
+        _check_carried(model, faults)
 
 
 def _check_fall(
@@ -208,11 +208,11 @@ def _check_fall(
     body = trunk(model)
     if not weight or (rested.xpos[body] - drawn.xpos[body]) @ gravity / weight < _FALLEN * size:
         return
-    if _is_carried(model, faults):
+    if _check_carried(model, faults):
         faults.add("the robot falls past the ground", "draw it above the ground, and the ground larger")
 
 
-def _is_carried(model: mujoco.MjModel, faults: Faults) -> bool:
+def _check_carried(model: mujoco.MjModel, faults: Faults) -> bool:
     """Note that nothing around a robot can carry it; return whether something can."""
     around = surroundings(model)
     own = np.flatnonzero(robot_bodies(model)[model.geom_bodyid]).tolist()
