@@ -65,6 +65,11 @@ class RobustLoss:
         sums: Array = np.bincount(self.row_trials, whitened**2, minlength=len(self.rows)).astype(float)
         return sums
 
+    def mean_squares(self, whitened: Array) -> Array:
+        """Return the mean square of each trial, shape (trials,)."""
+        means: Array = self.squares(whitened) / self.rows
+        return means
+
     def of_squares(self, squares: Array) -> Array:
         """Return the loss of each trial from its sum of squares, shape (trials,)."""
         losses = self._losses(squares)

@@ -102,7 +102,7 @@ class SetSearch:
 
     def _falls_short(self, fit: SetFit) -> bool:
         """Whether a set leaves much more than a correct one in more than a few trials."""
-        left = self.fitter.loss.squares(fit.robot.whitened) / self.fitter.loss.rows
+        left = self.fitter.loss.mean_squares(fit.robot.whitened)
         return bool(np.mean(left > self.settings.right) > self.settings.few)
 
     def _all_together(self, grown: SetFit) -> None:

@@ -134,18 +134,13 @@ class SetJudge:
         left: Array = self.trial_set.by_trial(candidate.heldout_loss) / self.loss.rows
         return left
 
-    def left(self, whitened: Array) -> Array:
-        """Return the mean square of whitened rows in each trial, shape (trials,)."""
-        mean: Array = self.loss.squares(whitened) / self.loss.rows
-        return mean
-
     def changes(self, fit: SetFit) -> dict[str, float]:
         """Return the mean whitened square that each effect of a set changes, in the trial where it is most.
 
         The slopes tell it; those of a limit or of free play tell too much of a small value.
         """
         moves = fit.shares - [h.share(h.neutral) for h in fit.hypotheses]
-        squares = [self.left(fit.slopes[:, i] * move) for i, move in enumerate(moves)]
+        squares = [self.loss.mean_squares(fit.slopes[:, i] * move) for i, move in enumerate(moves)]
         return {h.name: float(one.max()) for h, one in zip(fit.hypotheses, squares, strict=True)}
 
     def simulated_changes(self, fits: Sequence[SetFit], timestep: Array) -> list[dict[str, float]]:
@@ -171,12 +166,12 @@ class SetJudge:
         smaller = [self.fitter.without_effect(fits[k], i) for k, _, i in work]
         robots = self.fitter.simulate([robot_request(one.point) for one in smaller])
         changes = [{h.name: known.get(h.name, 0.0) for h in one.hypotheses} for one in fits]
-        least = [self._finer(one, timestep) for one in fits]
+        least, by_timestep = [self._finer(one, timestep) for one in fits], self.loss.mean_squares(timestep)
         for (k, name, _), one, robot in zip(work, smaller, robots, strict=True):
             without = one if robot is None else self.fitter.at_robot(one, robot)
             if self._finer(without, timestep) > least[k]:
-                apart = self.left(without.robot.whitened - fits[k].robot.whitened)
-                changes[k][name] = float(np.max(apart - self.left(timestep)))
+                apart = self.loss.mean_squares(without.robot.whitened - fits[k].robot.whitened)
+                changes[k][name] = float(np.max(apart - by_timestep))
         return changes
 
     def _finer(self, fit: SetFit, timestep: Array) -> float:
@@ -185,42 +180,16 @@ class SetJudge:
         there = replace(self.fitter.at_robot(fit, robot), radius=self.settings.heldout_radius)
         return self.fitter.expected(there)[1] + self.fitter.price(fit)
 
-    def covariance(self, fit: SetFit, changes: Array, timestep: Array) -> Array:
-        """Return the covariance of a set's parameters, in squares of their ranges, shape (k, k).
-
-        It is the sum of three: that of the fit, and those of the shifts of the fit with perturbed robots and
-        with a finer timestep. That of the fit is the larger one of what the curvature of the loss and what
-        the scatter of the trials' gradients say.
-
-        Args:
-            fit: the set.
-            changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
-            timestep: see `timestep_change`.
-        """
-        loss = self.loss
-        weights = loss.trial_weights(loss.squares(fit.robot.whitened))
-        weighted = weights[loss.row_trials][:, None] * fit.slopes
-        _, prior = self.fitter.prior_rows(fit)
-        inverse = np.linalg.pinv(fit.slopes.T @ weighted + np.diag(prior**2))
-        gradients = weights[:, None] * fit.rows.by_trial(fit.products.mixed)
-        count, k = len(loss.rows), len(fit.hypotheses)
-        scatter = gradients.T @ gradients * count / max(1, count - k)
-        sandwich = inverse @ scatter @ inverse
-        grown = np.sqrt(np.maximum(1.0, np.diag(sandwich) / np.maximum(np.diag(inverse), 1e-300)))
-        alike = changes / math.sqrt(max(1, len(changes)))
-        shifts = np.vstack([*alike, timestep]) @ weighted @ inverse
-        spread: Array = inverse * np.outer(grown, grown) + shifts.T @ shifts
-        return spread
-
     def timestep_change(self, fit: SetFit) -> Array:
         """Return what the reference fidelity changes of the whitened residual of a set, shape (rows,).
 
         Nothing, where the robot cannot be simulated there.
         """
-        problem = self.trial_set.problem.with_effects(robot_request(fit.point).effects)
+        request = robot_request(fit.point)
+        problem = self.trial_set.problem.with_effects(request.effects)
         robot = Simulator.build(problem, fidelity=problem.simulation.reference)
-        names = " ".join(f"{h.name}={at!r}" for h, at in fit.point)
-        (fine,) = self.runner.compare_robots(self.trial_set, {f"at the reference fidelity: {names}": robot})
+        name = f"at the reference fidelity: {request.name}"
+        (fine,) = self.runner.compare_robots(self.trial_set, {name: robot})
         return np.zeros(len(fit.robot.whitened)) if fine is None else fine.whitened - fit.robot.whitened
 
     def _step_without(self, fit: SetFit, weights: Array) -> Array:
@@ -304,8 +273,30 @@ class JudgedSets:
         return [self.known.get(h.name, interval) for h, interval in parts]
 
     def covariance(self, fit: SetFit, changes: Array) -> Array:
-        """Return the covariance of a set's parameters, see `SetJudge.covariance`."""
-        return self.judge.covariance(fit, changes, self.timestep)
+        """Return the covariance of a set's parameters, in squares of their ranges, shape (k, k).
+
+        It is the sum of three: that of the fit, and those of the shifts of the fit with perturbed robots and
+        with a finer timestep. That of the fit is the larger one of what the curvature of the loss and what
+        the scatter of the trials' gradients say.
+
+        Args:
+            fit: the set.
+            changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
+        """
+        loss, fitter = self.judge.loss, self.judge.fitter
+        weights = loss.trial_weights(loss.squares(fit.robot.whitened))
+        weighted = weights[loss.row_trials][:, None] * fit.slopes
+        _, prior = fitter.prior_rows(fit)
+        inverse = np.linalg.pinv(fit.slopes.T @ weighted + np.diag(prior**2))
+        gradients = weights[:, None] * fit.rows.by_trial(fit.products.mixed)
+        count, k = len(loss.rows), len(fit.hypotheses)
+        scatter = gradients.T @ gradients * count / max(1, count - k)
+        sandwich = inverse @ scatter @ inverse
+        grown = np.sqrt(np.maximum(1.0, np.diag(sandwich) / np.maximum(np.diag(inverse), 1e-300)))
+        alike = changes / math.sqrt(max(1, len(changes)))
+        shifts = np.vstack([*alike, self.timestep]) @ weighted @ inverse
+        spread: Array = inverse * np.outer(grown, grown) + shifts.T @ shifts
+        return spread
 
 
 def set_intervals(fit: SetFit, covariance: Array) -> list[Interval]:

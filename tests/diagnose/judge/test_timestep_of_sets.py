@@ -55,7 +55,7 @@ def test_an_effect_counts_by_what_it_changes_beyond_the_timestep(
     aside = np.random.default_rng(4).standard_normal(ROWS)
     without = judge.simulated_changes([fit], 0.0 * error)[0]
     beside = judge.simulated_changes([fit], aside)[0]
-    least = judge.left(aside)
+    least = judge.loss.mean_squares(aside)
     assert all(least.min() < without[name] - beside[name] < least.max() for name in without)
 
 
