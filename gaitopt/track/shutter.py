@@ -142,11 +142,7 @@ def doubts(seen: Seen, sweep: Sweep, readout: Readout, size: tuple[int, int]) ->
         rows, motion = rows_of(corners, size), sweep[number]
         late = (rows @ readout.seconds)[:, None]
         by_readout = [motion.speed * (rows[:, k] * readout.sd[k])[:, None] for k in range(2)]
-        by_speed = (
-            [late * motion.sd * axis for axis in np.eye(2)]
-            if readout.seconds.any()
-            else [0.0 * late * rows] * 2
-        )
+        by_speed = [late * motion.sd * axis for axis in np.eye(2)]
         found[number] = np.stack([*by_readout, *by_speed])
     return found
 
