@@ -138,6 +138,8 @@ class SetFitter:
     def with_effect(self, fit: SetFit, hypothesis: Hypothesis, at: float, robot: Comparison) -> SetFit:
         """Return a set with one more effect, still at its neutral value; a rough one where it was tried.
 
+        Where `SetSettings.centred` says so, each begins at the better one of the two.
+
         Args:
             fit: the set without it.
             hypothesis: the effect.
@@ -148,14 +150,19 @@ class SetFitter:
         column = (robot.whitened - fit.robot.whitened) / moved
         samples = (_samples(robot) - _samples(fit.robot)) / moved
         neutral = replace(fit.robot, at=np.append(fit.robot.at, hypothesis.neutral))
-        centre = robot if hypothesis.effect.rough else neutral
-        return self._fit(
-            (*fit.hypotheses, hypothesis),
-            centre,
-            np.column_stack([fit.slopes, column]),
-            np.column_stack([fit.sample_slopes, samples]),
-            self.settings.first_radius,
-        )
+        begun = [
+            self._fit(
+                (*fit.hypotheses, hypothesis),
+                centre,
+                np.column_stack([fit.slopes, column]),
+                np.column_stack([fit.sample_slopes, samples]),
+                self.settings.first_radius,
+            )
+            for centre in (neutral, robot)
+        ]
+        if self.settings.centred:
+            return min(begun, key=lambda one: one.loss)
+        return begun[1] if hypothesis.effect.rough else begun[0]
 
     def without_effect(self, fit: SetFit, index: int) -> SetFit:
         """Return a set without one of its effects; its residual is the one that the slopes predict."""

@@ -15,6 +15,7 @@ loss.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.proposals import Proposals
+from gaitopt.diagnose.fit.responses import SingleResponses
 from gaitopt.diagnose.fit.set_fit import Point, SetFit, SetFitter
 from gaitopt.diagnose.fit.settings import SetSettings
 from gaitopt.diagnose.fit.single import robot_request
@@ -62,6 +64,9 @@ class SetSearch:
         coarse: fits sets by the errors in shares of the motion.
         proposals: proposes where to try an effect that changes commands in jumps; None where nothing can.
         known: effects that are at work as other evidence says, each at its coordinate: in every set.
+        begin: a set from which the search sets out; from no effect where it is empty.
+        responses: what each effect does alone; with it only effects that promise much beside a set are
+            simulated there. None where every effect is tried beside every set.
         found: every set that was fitted, by its effects with their targets.
     """
 
@@ -72,6 +77,8 @@ class SetSearch:
     coarse: SetFitter
     proposals: Proposals | None = None
     known: Point = ()
+    begin: Point = ()
+    responses: SingleResponses | None = None
     found: dict[frozenset[str], SetFit] = field(default_factory=dict)
     _first: dict[str, _Tried] = field(default_factory=dict)
     _last: dict[str, _Tried] = field(default_factory=dict)
@@ -79,6 +86,8 @@ class SetSearch:
     def run(self) -> list[SetFit]:
         """Return the sets that were fitted, the best score first; the empty set is among them."""
         best = self._kept([self.fitter.empty(self.nominal), *self.fitter.placed(self._known_points)])[-1]
+        for begun in self.fitter.placed([self.begin] if self.begin else []):
+            best = self._exchanged(self._pruned(self._kept(self._refined([begun]))[0]))
         while len(best.hypotheses) < self.settings.most_effects:
             if len(best.hypotheses) >= self.settings.one_by_one and self._falls_short(best):
                 break
@@ -182,16 +191,18 @@ class SetSearch:
     def _tried_beside(self, fit: SetFit) -> list[_Tried]:
         """Return every other effect beside a set, the best expected score first, each effect once."""
         others = [h for h in self.hypotheses if h.effect.name not in fit.effects]
-        work = [(h, share) for h in others for share in self._shares(fit, h)]
-        points = [(h, _coordinate(h, share)) for h, share in work]
+        if self.responses is not None:
+            points = self._promising(fit, others, self.responses)
+            work = [(h, _signed_share(h, at)) for h, at in points]
+        else:
+            work = [(h, share) for h in others for share in self._shares(fit, h)]
+            points = [(h, _coordinate(h, share)) for h, share in work]
         requests = [robot_request([*fit.point, point]) for point in points]
         best: dict[str, _Tried] = {}
         for (h, share), (_, at), robot in zip(work, points, self.fitter.simulate(requests), strict=True):
             if robot is None:
                 continue
-            moved = abs(h.share(at) - h.share(h.neutral))
-            reach = self.settings.difference if h.effect.rough else moved * self.settings.beyond
-            beside = replace(self.fitter.with_effect(fit, h, at, robot), radius=reach)
+            beside = self._beside(fit, h, at, robot)
             one = _Tried(beside, share, self._expected(beside))
             if h.name not in best or one.expected < best[h.name].expected:
                 best[h.name] = one
@@ -201,6 +212,29 @@ class SetSearch:
         for one in sorted(best.values(), key=lambda one: (one.expected, one.hypothesis.name)):
             firsts.setdefault(one.hypothesis.effect.name, one)
         return list(firsts.values())
+
+    def _beside(self, fit: SetFit, hypothesis: Hypothesis, at: float, robot: Comparison) -> SetFit:
+        """Return a set with one more effect, and how far the robot with it shows where that may go."""
+        moved = abs(hypothesis.share(at) - hypothesis.share(hypothesis.neutral))
+        rough = hypothesis.effect.rough
+        reach = self.settings.difference if rough else moved * self.settings.beyond
+        return replace(self.fitter.with_effect(fit, hypothesis, at, robot), radius=reach)
+
+    def _promising(
+        self, fit: SetFit, others: Sequence[Hypothesis], responses: SingleResponses
+    ) -> list[tuple[Hypothesis, float]]:
+        """Return the effects that promise most beside a set, each at its best coordinate, the best first."""
+        best: list[tuple[float, int, float]] = []
+        for index, h in enumerate(others):
+            sums = [(self._beside(fit, h, at, robot), at) for at, robot in responses.beside(fit.robot, h)]
+            best += sorted((self._expected(beside), index, at) for beside, at in sums)[:1]
+        chosen, targets = list[tuple[Hypothesis, float]](), Counter[str]()
+        for _, index, at in sorted(best):
+            h = others[index]
+            if targets[h.effect.name] < self.settings.promising_targets:
+                targets[h.effect.name] += 1
+                chosen.append((h, at))
+        return chosen[: self.settings.promising]
 
     def _expected(self, fit: SetFit) -> float:
         return self.fitter.expected(fit)[1] + self.fitter.price(fit)
@@ -261,18 +295,32 @@ class SetSearch:
 
     def _swaps(self, fit: SetFit) -> list[SetFit]:
         """Return the sets with one effect exchanged that are expected to be best."""
+        smaller = self._smaller_beside(fit) if self.responses is None else self._replaced(fit, self.responses)
         found: dict[frozenset[str], tuple[float, SetFit]] = {}
-        for beside in self._tried_beside(fit):
-            for index in self._droppable(fit):
-                smaller = self.fitter.without_effect(beside.fit, index)
-                if smaller.names in self.found:
-                    continue
-                wide = replace(smaller, radius=self.settings.widest)
+        for one in smaller:
+            if one.names not in self.found:
+                wide = replace(one, radius=self.settings.widest)
                 step, _ = self.fitter.expected(wide)
-                found[smaller.names] = (self._expected(wide), self.fitter.stepped(smaller, step))
+                found[one.names] = (self._expected(wide), self.fitter.stepped(one, step))
         ordered = sorted(found.values(), key=lambda one: one[0])
         limit = self.fitter.score(fit) + self.settings.doubtful
         return [one for expected, one in ordered if expected < limit][: self.settings.swapped]
+
+    def _smaller_beside(self, fit: SetFit) -> list[SetFit]:
+        """Return sets with one effect more and one less, by what was simulated beside the whole set."""
+        tried, droppable = self._tried_beside(fit), self._droppable(fit)
+        return [self.fitter.without_effect(beside.fit, index) for beside in tried for index in droppable]
+
+    def _replaced(self, fit: SetFit, responses: SingleResponses) -> list[SetFit]:
+        """Return the same, by what was simulated without each effect, and the responses of the others."""
+        smaller = self._simulated([self.fitter.without_effect(fit, i) for i in self._droppable(fit)])
+        found = []
+        for one in smaller:
+            others = [h for h in self.hypotheses if h.effect.name not in one.effects]
+            sums = {h.name: dict(responses.beside(one.robot, h)) for h in others}
+            for h, at in self._promising(one, others, responses):
+                found.append(self._beside(one, h, at, sums[h.name][at]))
+        return found
 
     def _finish(self) -> None:
         """Fit the leading sets well, so that sets are compared by what they can do."""
@@ -296,6 +344,13 @@ class SetSearch:
             if known is None or fit.loss < known.loss or (fit.measured and fit.loss <= known.loss):
                 self.found[fit.names] = fit
         return fits
+
+
+def _signed_share(hypothesis: Hypothesis, coordinate: float) -> float:
+    """Return a coordinate as a share of the way from neutral to the bound on its side, signed by the side."""
+    bound = hypothesis.high if coordinate > hypothesis.neutral else hypothesis.low
+    share = (coordinate - hypothesis.neutral) / (bound - hypothesis.neutral)
+    return math.copysign(share, coordinate - hypothesis.neutral)
 
 
 def _coordinate(hypothesis: Hypothesis, share: float) -> float:

@@ -232,6 +232,11 @@ class SetSettings:
         screened_rough: the same for an effect with a rough response, which is fitted from the best of them,
             where `Proposals` cannot say more.
         beyond: how far an effect is expected to go, in multiples of where it was tried.
+        centred: whether a fit begins where an effect was tried, if it is better there than without it: a
+            response that jumps has valleys, and slopes lead to the nearest one.
+        promising: effects that are simulated beside a set, where their single responses tell which promise
+            most,
+        promising_targets: on this many targets each, at most.
         started: effects that are added and fitted roughly.
         rough_rounds: rounds of that.
         refined: sets of these that are fitted well.
@@ -259,6 +264,8 @@ class SetSettings:
             those of places farther away.
         inclusion: loss that the prior asks of each effect of a set when sets are judged on held-out trials.
         probable: what the effects of a set change is simulated if the set is at least this probable.
+        misfit: a trial does not fit the others if it leaves this many times what the median trial leaves, and
+            this many times what a correct model leaves.
         motion: error of a model that the first of these losses expects, as a share of the motion.
         reweighted: times that the weights of the trials are found anew for a step.
         first_radius: longest step of a coordinate at first, in ranges.
@@ -280,6 +287,9 @@ class SetSettings:
     screened: tuple[float, ...] = (0.1, 0.35, 0.8)
     screened_rough: tuple[float, ...] = tuple(0.08 * k for k in range(1, 13))
     beyond: float = 1.6
+    centred: bool = False
+    promising: int = 14
+    promising_targets: int = 2
     started: int = 5
     rough_rounds: int = 3
     refined: int = 2
@@ -305,6 +315,7 @@ class SetSettings:
     heldout_radius: float = 0.1
     inclusion: float = 6.0
     probable: float = 0.05
+    misfit: float = 30.0
     motion: float = 0.1
     reweighted: int = 3
     first_radius: float = 0.35
@@ -319,4 +330,24 @@ WHITENING = WhiteningSettings()
 FIT = FitSettings()
 PAIRS = PairSettings()
 SETS = SetSettings()
+GAIT_SETS = SetSettings(
+    most_rows=60.0,
+    errors_rad=(0.0,),
+    error_shares=(0.0,),
+    price=8.0,
+    inclusion=8.0,
+    started=3,
+    swapped=3,
+    exchanges=1,
+    rough_rounds=2,
+    fine_rounds=2,
+    finish_rounds=1,
+    one_by_one=14,
+    difference=0.1,
+    beyond=0.5,
+    centred=True,
+    misfit=2.5,
+)
+"""For gaits. A response jumps where a foot slips in another step, so slopes are measured over a longer
+distance; and the tolerances are in the covariance, so there is no further error that all trials share."""
 RESPONSE = ResponseSettings()

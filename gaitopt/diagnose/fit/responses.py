@@ -1,0 +1,58 @@
+"""What each effect does alone, from the robots that were simulated for its own fit.
+
+Added to the residual of a set of effects, it predicts what the effect does beside them. Responses add up only
+roughly, so the sum says which effects are worth a simulation beside the set, not how well they fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gaitopt.diagnose.fit.hypotheses import Hypothesis
+from gaitopt.diagnose.fit.single import Fit
+from gaitopt.diagnose.fit.trials import Comparison
+
+
+@dataclass(frozen=True)
+class SingleResponses:
+    """The robots with one effect each.
+
+    Attributes:
+        fits: the effects' own fits.
+        nominal: the trials compared with the nominal robot.
+    """
+
+    fits: Sequence[Fit]
+    nominal: Comparison
+
+    def beside(self, robot: Comparison, hypothesis: Hypothesis) -> list[tuple[float, Comparison]]:
+        """Return what an effect is expected to do to another robot, at each coordinate that was simulated.
+
+        Args:
+            robot: the trials compared with the other robot.
+            hypothesis: the effect.
+        """
+        found = []
+        for fit in self.fits:
+            if fit.hypothesis.name == hypothesis.name:
+                for one in fit.comparisons:
+                    at = float(one.at[0])
+                    if abs(hypothesis.share(at) - hypothesis.share(hypothesis.neutral)) > _NEUTRAL:
+                        found.append((at, self._sum(robot, one, at)))
+        return found
+
+    def _sum(self, robot: Comparison, one: Comparison, at: float) -> Comparison:
+        return replace(
+            robot,
+            at=np.append(robot.at, at),
+            whitened=robot.whitened + one.whitened - self.nominal.whitened,
+            marker=robot.marker + one.marker - self.nominal.marker,
+            angles=robot.angles + one.angles - self.nominal.angles,
+        )
+
+
+_NEUTRAL = 1e-6
+"""A coordinate closer to the neutral one, in ranges, shows nothing of the effect."""

@@ -1,0 +1,65 @@
+"""What effects do alone says which of them are worth a simulation beside a set."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_sets_of_effects import bench
+from toysets import ToyBench
+
+from gaitopt.diagnose.fit.responses import SingleResponses
+from gaitopt.diagnose.fit.set_search import SetSearch
+from gaitopt.diagnose.fit.settings import GAIT_SETS
+from gaitopt.diagnose.fit.single import Fit, robot_request
+
+
+def responses(rig: ToyBench, shares: tuple[float, ...] = (0.2, 0.6, 1.0)) -> SingleResponses:
+    """Each effect of a bench, simulated alone at some shares of its range."""
+    fits = []
+    for h in rig.hypotheses:
+        neutral = replace(rig.nominal, at=np.zeros(1))
+        alone = [rig.compared(robot_request([(h, share)])) for share in shares]
+        fits.append(Fit(h, None, [neutral, *alone]))  # type: ignore[arg-type]
+    return SingleResponses(fits, rig.nominal)
+
+
+def search(rig: ToyBench, begin: tuple[str, ...] = ()) -> SetSearch:
+    fitter = rig.fitter(GAIT_SETS)
+    points = [(h, 0.5) for h in rig.hypotheses if h.name in begin]
+    return SetSearch(
+        fitter, rig.hypotheses, rig.nominal, GAIT_SETS, fitter, begin=points, responses=responses(rig)
+    )
+
+
+def test_beside_another_robot_the_changes_add() -> None:
+    rig = bench({"effect_0": 0.4}, 1)
+    other = rig.compared(robot_request([(rig.hypotheses[1], 0.3)]))
+    found = responses(rig).beside(other, rig.hypotheses[0])
+    assert [at for at, _ in found] == [0.2, 0.6, 1.0]
+    for at, robot in found:
+        expected = other.whitened - rig.responses["effect_0"](at)
+        np.testing.assert_allclose(robot.whitened, expected)
+        np.testing.assert_array_equal(robot.at, [0.3, at])
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_planted_effects_are_found_with_few_robots(seed: int) -> None:
+    planted = {"effect_0": 0.5, "effect_4": 0.3, "effect_5": 0.6}
+    rig = bench(planted, seed, effects=24)
+    found = search(rig)
+    rig.simulated = 0
+    best = found.run()[0]
+    assert best.names == set(planted)
+    for h, at in best.point:
+        assert at == pytest.approx(planted[h.name], abs=0.05)
+    assert rig.simulated < 24 * 3 * 3  # fewer than trying each at three values beside each set
+
+
+def test_a_search_that_sets_out_from_a_wrong_set_leaves_it() -> None:
+    planted = {"effect_0": 0.5, "effect_4": 0.3}
+    best = search(bench(planted, 2), begin=("effect_1", "effect_4")).run()[0]
+    assert best.names == set(planted)
+
+
+def test_nothing_is_found_where_nothing_is_wrong() -> None:
+    assert not search(bench({}, 4)).run()[0].hypotheses
