@@ -18,16 +18,21 @@ from gaitopt.robot.signals import is_position, measured_column_of
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
+from gaitopt.simulation.tolerances import NO_ERRORS, SmallErrors
 
 OTHER = Fidelity(timestep_s=5e-4, integrator="RK4")
 SIGNALS = ("marker.x", "marker.y", "marker.z", "joint.mid_left")
 
 
 def rollout(
-    problem: Problem, gait: str, duration: float, effects: Mapping[str, Values] | None = None
+    problem: Problem,
+    gait: str,
+    duration: float,
+    effects: Mapping[str, Values] | None = None,
+    errors: SmallErrors = NO_ERRORS,
 ) -> Trajectory:
-    """Simulate a gait on a robot with effects, from a start pose with errors of 2 mrad."""
-    pose = Scenario(start_pose_rad=0.002, pose_seed=7)
+    """Simulate a gait on a robot with effects and errors, from a start pose with errors of 2 mrad."""
+    pose = Scenario(errors, start_pose_rad=0.002, pose_seed=7)
     simulator = Simulator.build(problem.with_effects(effects or {}), (pose,), OTHER)
     model = copy.copy(simulator.models[0])
     model.opt.impratio = 20

@@ -45,6 +45,7 @@ class Stream(IntEnum):
     CAMPAIGN_SEARCH = 61  # with the number of a robot
     CAMPAIGN_BELIEF = 62
     CAMPAIGN_RIVALS = 63
+    TOLERANT_ROBOTS = 70
     TAG_MOUNTING = 72  # with the stream of the robot's other errors and the number of the robot
 
 

@@ -326,7 +326,7 @@ def _next_experiment(
     """Return what to measure next: a gait, or commands where commands were logged."""
     drives = {trial.aligned.trial.drive.name: trial.aligned.trial.drive for trial in located.trials}
     signals = list(dict.fromkeys(name for trial in located.trials for name in trial.floors))
-    if found.judgement.sets is None:
+    if not located.has_logs:
         return propose(simulator, found, list(drives.values()), signals, context)
     noises = {
         name: max(trial.floors[name].noise for trial in located.trials if name in trial.floors)

@@ -14,5 +14,5 @@ def stages(logged: bool, next_gait: bool) -> list[str]:
         logged: whether commands were logged.
         next_gait: whether to look for what to measure next.
     """
-    fitting = [FITTING_SETS] if logged else [FITTING, FINISHING, FITTING_PAIRS]
+    fitting = [FITTING_SETS] if logged else [FITTING, FINISHING, FITTING_PAIRS, FITTING_SETS]
     return [FLOOR, *fitting, PREDICTING, *([NEXT] if next_gait else [])]

@@ -165,6 +165,8 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
         sentences.append(
             f"If nothing were wrong, such a gain would occur in {_percent(found.p_value)} of cases."
         )
+    if found.judgement.tolerant:
+        sentences.append("All else is taken to be a little wrong, by the tolerances of the problem.")
     sentences.append(f"A cause outside the library is {found.other_probability:.0%} probable.")
     if found.unevenness > UNEVEN:
         sentences.append(

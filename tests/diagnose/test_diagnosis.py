@@ -8,6 +8,7 @@ import pytest
 from planting import dataset, recording_of, rollout
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.streams import seeded
 from gaitopt.diagnose.diagnosis import DiagnosisRequest, diagnose
 from gaitopt.diagnose.judge.unevenness import UNEVEN
 from gaitopt.diagnose.record.dataset import load_dataset
@@ -15,6 +16,7 @@ from gaitopt.effects.active import Values
 from gaitopt.optimise.executors import open_executor
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.tolerances import NO_ERRORS, SmallErrors, draw_errors
 
 AMONG = ("servo_torque_limit", "ground_slope", "camera_scale")
 
@@ -32,8 +34,11 @@ def diagnosed(
     workers: int = 2,
     known: bool = True,
     gaits: Sequence[str] = ("square-2s", "square-1s"),
+    errors: SmallErrors = NO_ERRORS,
 ) -> dict[str, Any]:
-    trials = {gait: (gait, recording_of(rollout(simulator.problem, gait, 5.0, effects))) for gait in gaits}
+    trials = {
+        gait: (gait, recording_of(rollout(simulator.problem, gait, 5.0, effects, errors))) for gait in gaits
+    }
     start = {"starts_at_gait_time_s": 0.0} if known else {}
     data = load_dataset(
         dataset(folder, trials, **start), simulator.problem, [s for s in simulator.signals if s]
@@ -68,6 +73,32 @@ def test_a_planted_cause_is_found_with_its_parameter(
     gap = found["gap"]
     assert gap["heldout_after_m"] < gap["heldout_before_m"]
     assert found["unevenness"] < UNEVEN
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_two_effects_are_found_on_a_robot_that_is_a_little_wrong_in_everything(
+    simulator: Simulator, tmp_path: Path, seed: int
+) -> None:
+    tolerances = simulator.problem.file.tolerances
+    errors = draw_errors(simulator.effects.nominal, tolerances, seeded(seed))
+    planted: dict[str, Values] = {
+        "servo_speed_limit": {"limit_rad_s": 1.3, "target": "foot2"},
+        "servo_trim": {"offset_rad": 0.17, "target": "foot1"},
+    }
+    among = (*planted, "body_friction", "pad_friction", "ground_slope")
+    found = diagnosed(simulator, tmp_path, planted, among, errors=errors)
+    assert set(planted) <= {*found["causes"], *found["ambiguous_with"]}
+    assert set(found["causes"]) <= set(planted)
+    assert found["gap"]["heldout_after_m"] < found["gap"]["heldout_before_m"]
+
+
+@pytest.mark.slow
+def test_small_errors_of_everything_are_not_blamed_on_an_effect(simulator: Simulator, tmp_path: Path) -> None:
+    tolerances = simulator.problem.file.tolerances
+    errors = draw_errors(simulator.effects.nominal, tolerances, seeded(3))
+    among = ("servo_trim", "servo_speed_limit", "body_friction", "pad_friction", "ground_slope")
+    assert diagnosed(simulator, tmp_path, {}, among, errors=errors)["causes"] == []
 
 
 @pytest.mark.slow

@@ -36,6 +36,12 @@ class Start:
         """Both fits."""
         return self.one, self.other
 
+    def whitened(self, nominal: Comparison) -> Array:
+        """Return the whitened residual that the sum of both changes leaves, shape (rows,)."""
+        here, there = self.at
+        left: Array = self.one.line(here)[0] + self.other.line(there)[0] - nominal.whitened
+        return left
+
 
 def promising_sums(fits: Sequence[Fit], nominal: Comparison, settings: PairSettings) -> list[Start]:
     """Return the sums of two changes that leave least, few of the same effects.

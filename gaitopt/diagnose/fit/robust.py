@@ -111,3 +111,29 @@ class RobustLoss:
         fitted = (v + n) * np.log1p(squares / self._variances / self.tempers / v)
         losses: Array = fitted + n * np.log(self._variances)
         return losses
+
+
+@dataclass(frozen=True)
+class WideLoss(RobustLoss):
+    """The loss where the covariance of each trial is wide enough for a correct model, or too wide.
+
+    What a set leaves below the covariance is no evidence that the covariance is smaller: an effect would then
+    be blamed for what the tolerances allow. So the factor on the covariance of each trial is the likeliest
+    one that is at least 1, and a trial that nothing fits counts by the logarithm of what it leaves.
+    """
+
+    def trial_weights(self, squares: Array) -> Array:
+        """Return the weight of each trial in the least squares that lower the loss, shape (trials,)."""
+        variances = self._variances[self._likeliest(squares)]
+        weights: Array = 1.0 / self._factors(squares / variances) / self.tempers / variances
+        return weights
+
+    def _factors(self, squares: Array) -> Array:
+        factors: Array = np.maximum(1.0, squares / self.rows)
+        return factors
+
+    def _losses(self, squares: Array) -> Array:
+        scaled, n = squares / self._variances, self.rows / self.tempers
+        factors = self._factors(scaled)
+        losses: Array = n * (np.log(factors * self._variances) + scaled / self.rows / factors)
+        return losses

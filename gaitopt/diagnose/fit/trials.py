@@ -202,6 +202,11 @@ class TrialSet:
         """The trials with their first covariance."""
         return replace(self, updates=())
 
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant of the covariance of all trials, relative to the first one."""
+        return -2.0 * sum(float(np.log(np.diag(update)).sum()) for update in self.updates)
+
     def with_covariance_of(self, changes: Array) -> TrialSet:
         """Return the trials with the covariance from some perturbed robots.
 

@@ -19,14 +19,28 @@ from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.gap.predict import predict_each
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.context import Context
+from gaitopt.diagnose.judge.gait_sets import (
+    judged_by_gait_sets,
+    log_evidence,
+    log_evidence_of,
+    with_tolerances,
+)
 from gaitopt.diagnose.judge.gap import GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.perturbed import PerturbedRobots, perturbed_about
 from gaitopt.diagnose.judge.set_causes import judged_by_sets
 from gaitopt.diagnose.judge.set_verdict import conclude_sets
+from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.small_errors import perturbed_robots
 from gaitopt.diagnose.judge.unevenness import unevenness
-from gaitopt.diagnose.judge.verdict import Verdict, conclude, falls_short, is_shown, pair_is_needed
+from gaitopt.diagnose.judge.verdict import (
+    Verdict,
+    conclude,
+    falls_short,
+    is_shown,
+    other_probability,
+    pair_is_needed,
+)
 from gaitopt.simulation.rollout import Simulator
 
 
@@ -100,7 +114,8 @@ def prepare_trials(gap: NominalGap, context: Context) -> PreparedTrials:
 def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Context) -> Causes:
     """Fit and judge every hypothesis, and pairs of them if one effect is not enough.
 
-    Under logged commands, which start anew in each trial, responses are smooth enough for sets of any size.
+    Sets of any size are searched under logged commands, which start anew in each trial, so that responses are
+    smooth; and where the recordings are more probable if the robot is a little wrong in everything.
 
     Args:
         gap: the trials aligned with the nominal robot.
@@ -124,11 +139,44 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
     wide = replace(judgement, fits=tuple(fits))
     if not wide.singles:
         raise GaitoptError("no effect can be tried: the simulation of every robot that has one fails")
+    short = falls_short(wide)
+    tolerant = with_tolerances(wide, context) if short else wide
+    if short and _likelier(tolerant, log_evidence(wide, 2)):
+        return _explained_by_several(tolerant, gap, hypotheses, context)
     found = _explained(wide.refine_covariance(context), gap, trial_set, context)
     if falls_short(found.judgement):
         # By the first covariance: effects that do not explain the gap must not decide how it is whitened.
         found = _explained_by_two(wide, gap, trial_set, context) or found
-    return _concluded(found, gap, before <= settings.verdict.faint_gap, context)
+    concluded = _concluded(found, gap, before <= settings.verdict.faint_gap, context)
+    vague = concluded.verdict in ("partly_explained", "unexplained")
+    if short and vague and _likelier(tolerant, log_evidence_of(found.judgement.first, found.judgement)):
+        return _explained_by_several(tolerant, gap, hypotheses, context)
+    return concluded
+
+
+def _likelier(tolerant: Judgement, other: float) -> bool:
+    """Whether the tolerances make the recordings more probable than something else does.
+
+    Args:
+        tolerant: every candidate of one effect, by the covariance of the tolerances.
+        other: logarithm of the other probability, see `log_evidence`.
+    """
+    return log_evidence(tolerant) > other + tolerant.settings.verdict.tolerant * tolerant.n_rows
+
+
+def _explained_by_several(
+    tolerant: Judgement, gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Context
+) -> Causes:
+    """Return the answer from sets of effects of any size on robots that are a little wrong in everything.
+
+    Args:
+        tolerant: every candidate of one effect, by the covariance of the tolerances.
+        gap: the trials aligned with the nominal robot.
+        hypotheses: the effects to try, each on its targets.
+        context: simulates robots.
+    """
+    judgement, judged = judged_by_gait_sets(tolerant, gap.floors, hypotheses, context)
+    return _concluded_sets(judgement, judged, gap, len(hypotheses), context)
 
 
 def _explained(judgement: Judgement, gap: NominalGap, trial_set: TrialSet, context: Context) -> _Explanation:
@@ -167,20 +215,38 @@ def _explained_by_sets(
 ) -> Causes:
     """Return the answer from sets of effects of any size."""
     judgement, judged = judged_by_sets(judgement, gap.floors, hypotheses, context)
+    return _concluded_sets(judgement, judged, gap, len(hypotheses), context)
+
+
+def _concluded_sets(
+    judgement: Judgement, judged: JudgedSets, gap: NominalGap, tried: int, context: Context
+) -> Causes:
+    """Return the answer that sets of effects allow.
+
+    Args:
+        judgement: the trials and the sets.
+        judged: the sets.
+        gap: the trials aligned with the nominal robot.
+        tried: number of hypotheses.
+        context: simulates robots; seed and settings.
+    """
     if not judged.candidates:
-        verdict = conclude_sets(judgement, judged, len(hypotheses))
-        none = np.empty((0, len(judgement.trial_set.row_blocks)))
+        verdict = conclude_sets(judgement, judged, tried)
+        none = np.empty((0, judgement.n_rows))
         return Causes(judgement, verdict, None, none, 0.0, context.seed)
+    settings = context.settings.verdict
     robots = perturbed_about(judgement.trial_set, judgement.first, context)
-    verdict = conclude_sets(judgement, judged, len(hypotheses), judged.doubtful(robots.changes))
-    meter = GapMeter(
-        judgement.trial_set, judgement.nominal, context.seed, context.settings.evidence.gap_draws
-    )
+    verdict = conclude_sets(judgement, judged, tried, judged.doubtful(robots.changes))
+    uneven = 0.0  # logged commands have no cycles
+    if not gap.has_logs:
+        uneven = unevenness(judgement.trial_set, gap.floors, robots.comparisons, settings)
+    if uneven > settings.uneven:
+        verdict = verdict.beside_chance(other_probability(uneven / settings.uneven, settings))
+    draws = context.settings.evidence.gap_draws
+    meter = GapMeter(judgement.trial_set, judgement.nominal, context.seed, draws)
     measured = meter.measure(judgement.first, gap.floor_m)
-    causes = Causes(judgement, verdict, measured, robots.changes, 0.0, context.seed)
-    if gap.floor_rad is None:
-        return causes
-    return replace(causes, gap_angles=meter.measure_angles(judgement.first, gap.floor_rad))
+    angles = None if gap.floor_rad is None else meter.measure_angles(judgement.first, gap.floor_rad)
+    return Causes(judgement, verdict, measured, robots.changes, uneven, context.seed, angles)
 
 
 def _concluded(found: _Explanation, gap: NominalGap, faint: bool, context: Context) -> Causes:

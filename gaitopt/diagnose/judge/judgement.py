@@ -50,6 +50,7 @@ class Judgement:
         fits: the effects' fits; none where nothing was fitted.
         pairs: fits of two effects; none where these were not tried.
         sets: sets of effects of any size; None where these were not tried.
+        tolerant: whether the covariance is that of robots that are a little wrong in everything.
         settings: tuning constants.
     """
 
@@ -58,7 +59,13 @@ class Judgement:
     fits: tuple[Fit, ...] = ()
     pairs: tuple[PairFit, ...] = ()
     sets: JudgedSets | None = None
+    tolerant: bool = False
     settings: DiagnosisSettings = DEFAULT
+
+    @property
+    def n_rows(self) -> int:
+        """Number of whitened rows."""
+        return len(self.trial_set.row_blocks)
 
     @cached_property
     def none(self) -> Candidate:
@@ -114,7 +121,7 @@ class Judgement:
                 break
             initial = judgement.trial_set.initial
             changes = [perturb(initial, candidate, context).changes for candidate in leaders]
-            judgement = judgement._rewhitened(initial.with_covariance_of(np.concatenate(changes)))
+            judgement = judgement.rewhitened(initial.with_covariance_of(np.concatenate(changes)))
             known = names
             finish(judgement.fits, context.runner, self.settings.fit)
         return judgement
@@ -129,7 +136,8 @@ class Judgement:
                 chosen.setdefault(frozenset(candidate.names), candidate)
         return list(chosen.values())
 
-    def _rewhitened(self, trial_set: TrialSet) -> Judgement:
+    def rewhitened(self, trial_set: TrialSet) -> Judgement:
+        """Return the same judgement with the trials whitened by another covariance."""
         return replace(
             self,
             trial_set=trial_set,

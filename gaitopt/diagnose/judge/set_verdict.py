@@ -94,7 +94,7 @@ def misfit_trials(judgement: Judgement, sets: JudgedSets) -> dict[str, float]:
     left = sets.judge.heldout_left(judgement.first)
     typical = max(1.0, float(np.median(left)))
     names = [one.aligned.trial.name for one in judgement.trial_set.trials]
-    limit = judgement.settings.verdict.misfit
+    limit = sets.judge.settings.misfit
     return {
         name: float(one / typical)
         for name, one in zip(names, left.tolist(), strict=True)

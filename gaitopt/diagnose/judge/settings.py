@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from gaitopt.diagnose.fit.settings import (
     FIT,
+    GAIT_SETS,
     PAIRS,
     RESPONSE,
     SETS,
@@ -57,11 +58,14 @@ class SmallErrorSettings:
 
     Attributes:
         robots: number of robots about the nominal one.
+        tolerant: number of robots that are wrong in everything by the tolerances: more than there are errors
+            on a robot with few servos, so that each error is in the covariance.
         mass: relative standard deviation of each body's mass: a kitchen scale on parts of some grams.
         hinge: relative standard deviation of one hinge's stiffness about the others'.
     """
 
     robots: int = 7
+    tolerant: int = 56
     mass: float = 0.02
     hinge: float = 0.05
 
@@ -150,7 +154,8 @@ class VerdictSettings:
             the trial that it changes most: it makes a small error smaller.
         at_work: an effect of sets is a cause if it is at least this probable,
         possible: and may be one if it is at least this probable.
-        misfit: a trial does not fit the others if it leaves this many times what the median trial leaves.
+        tolerant: the robot is a little wrong in everything if this makes a whitened row more probable, in the
+            mean, by this logarithm.
     """
 
     no_gap: float = 0.8
@@ -169,7 +174,7 @@ class VerdictSettings:
     matters: float = 2.0
     at_work: float = 0.5
     possible: float = 0.1
-    misfit: float = 30.0
+    tolerant: float = 0.05
 
 
 @dataclass(frozen=True)
@@ -217,6 +222,7 @@ class DiagnosisSettings:
     fit: FitSettings = FIT
     pairs: PairSettings = PAIRS
     sets: SetSettings = SETS
+    gait_sets: SetSettings = GAIT_SETS
     response: ResponseSettings = RESPONSE
     lateness: LatenessSettings = LATENESS
     small_errors: SmallErrorSettings = SmallErrorSettings()

@@ -15,6 +15,7 @@ from gaitopt.diagnose.judge.settings import SMALL_ERRORS, SmallErrorSettings
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
+from gaitopt.simulation.tolerances import draw_errors, draw_measurement
 
 
 def perturbed_robots(
@@ -47,6 +48,32 @@ def perturbed_robots(
             swap_cone(model)
         robot = replace(base, scenarios=(scenarios[index],), models=(model,))
         robots.append(robot.at(halved if index % 2 else simulator.fidelity))
+    return robots
+
+
+def tolerant_robots(simulator: Simulator, seed: int, count: int) -> list[Simulator]:
+    """Return robots that are a little wrong in everything, by the problem's tolerances, and their cameras.
+
+    Args:
+        simulator: the robot without errors.
+        seed: seed of the draws.
+        count: number of robots; every fourth one has half the timestep, every third the other friction cone.
+    """
+    problem, rng = simulator.problem, generator(seed, Stream.TOLERANT_ROBOTS)
+    tolerances, halved = problem.file.tolerances, simulator.fidelity.scaled(0.5)
+    robots = []
+    for index in range(count):
+        errors = draw_errors(simulator.effects.nominal, tolerances, rng)
+        pose_seed = int(rng.integers(2**31))
+        scenario = Scenario(errors, start_pose_rad=tolerances.start_pose_rad, pose_seed=pose_seed)
+        robot = Simulator.build(problem, (scenario,), simulator.fidelity)
+        measured = (*robot.effects.active, *draw_measurement(tolerances, rng))
+        model = copy.copy(robot.models[0])
+        misplace_tags(model, problem, generator(seed, Stream.TAG_MOUNTING, Stream.TOLERANT_ROBOTS, index))
+        if index % 3 == 1:
+            swap_cone(model)
+        robot = replace(robot, effects=replace(robot.effects, active=measured), models=(model,))
+        robots.append(robot.at(halved) if index % 4 == 1 else robot)
     return robots
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,15 @@ class Verdict:
     ambiguous_with: tuple[str, ...] = ()
     other_probability: float = 0.0
     p_value: float = 1.0
+
+    def beside_chance(self, other_probability: float) -> Verdict:
+        """Return the answer where the recorded cycles differ more than any effect explains.
+
+        Args:
+            other_probability: probability of another cause, by how much they differ.
+        """
+        kind = "partly_explained" if self.causes else "unexplained"
+        return replace(self, kind=kind, other_probability=max(self.other_probability, other_probability))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,276 @@
+"""Sets of effects of any size for gaits, on robots that are a little wrong in everything.
+
+A real robot has every small error that the tolerances of its problem allow, and some large ones. Robots with
+such small errors give the covariance. What it allows is no reason to name an effect, and effects are added
+only while a trial leaves more. An effect is a cause if the robot without it would move visibly differently.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitopt.diagnose.fit.hypotheses import Hypothesis
+from gaitopt.diagnose.fit.pair_sums import promising_sums
+from gaitopt.diagnose.fit.responses import SingleResponses
+from gaitopt.diagnose.fit.robust import WideLoss
+from gaitopt.diagnose.fit.runner import FITTING_SETS, RobotRequest
+from gaitopt.diagnose.fit.set_fit import Point, SetFit, SetFitter
+from gaitopt.diagnose.fit.set_search import SetSearch
+from gaitopt.diagnose.fit.single import Residual, robot_request
+from gaitopt.diagnose.fit.trials import Comparison, Indices, TrialSet
+from gaitopt.diagnose.gap.floor import Floors
+from gaitopt.diagnose.judge.candidates import Candidate, heldout
+from gaitopt.diagnose.judge.context import Context
+from gaitopt.diagnose.judge.evidence import probabilities
+from gaitopt.diagnose.judge.judgement import Judgement
+from gaitopt.diagnose.judge.sets import JudgedSets, SetJudge
+from gaitopt.diagnose.judge.small_errors import tolerant_robots
+from gaitopt.robot.signals import is_position
+from gaitopt.simulation.rollout import Simulator
+
+Array = NDArray[np.float64]
+
+_ANGLE_FLOORS = 3.0
+"""Floors of an angle that count as one: nearly each effect of a servo is seen in it, however small."""
+
+
+@dataclass
+class Simulated:
+    """Robots with effects, as they were simulated, compared with the trials by the first covariance.
+
+    Attributes:
+        robots: the comparisons by the names of their requests; None for a robot that cannot be simulated.
+        requests: the requests by their names.
+    """
+
+    robots: dict[str, Comparison | None] = field(default_factory=dict)
+    requests: dict[str, RobotRequest] = field(default_factory=dict)
+
+    def add(self, requests: Sequence[RobotRequest], robots: Sequence[Comparison | None]) -> None:
+        """Add robots with their requests."""
+        for request, robot in zip(requests, robots, strict=True):
+            self.robots[request.name], self.requests[request.name] = robot, request
+
+    def with_effects_of(self, fit: SetFit) -> list[Comparison]:
+        """Return the robots that have the effects of a set, on the same targets and no others."""
+        wanted = _targets(robot_request(fit.point))
+        named = [name for name, request in self.requests.items() if _targets(request) == wanted]
+        return [robot for name in named if (robot := self.robots[name]) is not None]
+
+
+def _targets(request: RobotRequest) -> dict[str, object]:
+    return {name: values.get("target") for name, values in request.effects.items()}
+
+
+def with_tolerances(judgement: Judgement, context: Context, point: Point = ()) -> Judgement:
+    """Return a judgement whose covariance holds all small errors of the problem's tolerances.
+
+    Small errors do more to some robots than to others, so they are those of a robot with some effects.
+
+    Args:
+        judgement: the trials and the fits of single effects, by any covariance.
+        context: simulates robots.
+        point: effects of the robot about which others are drawn, each at its coordinate.
+    """
+    initial = judgement.trial_set.initial
+    request = robot_request(point)
+    problem = initial.problem.with_effects(request.effects)
+    centre = Simulator.build(problem, fidelity=initial.simulator.fidelity)
+    robots = [centre, *tolerant_robots(centre, context.seed, context.settings.small_errors.tolerant)]
+    named = {f"a little wrong, {index}: {request.name}": robot for index, robot in enumerate(robots)}
+    middle, *others = context.runner.compare_robots(initial, named)
+    changes = [one.whitened - middle.whitened for one in others if one is not None and middle is not None]
+    if not changes:
+        return judgement
+    return replace(judgement.rewhitened(initial.with_covariance_of(np.array(changes))), tolerant=True)
+
+
+def log_evidence(judgement: Judgement, most: int = 1) -> float:
+    """Return how probable the covariance makes the recordings with the best effects, as a logarithm.
+
+    The covariance of each trial counts with the likeliest factor of at least 1. It is up to a constant, the
+    same for all covariances of the same trials.
+
+    Args:
+        judgement: the trials and the fits of single effects.
+        most: 1 for the best single effect, 2 for the best sum of two as well.
+    """
+    best = min(judgement.fits, key=lambda fit: float(fit.loss().sum()))
+    tried = [best.at_best("whitened")]
+    if most > 1:
+        sums = promising_sums(judgement.fits, judgement.nominal, judgement.settings.pairs)
+        tried += [one.whitened(judgement.nominal) for one in sums]
+    return max(_log_evidence(judgement.trial_set, whitened) for whitened in tried)
+
+
+def log_evidence_of(candidate: Candidate, judgement: Judgement) -> float:
+    """Return the same with one of the candidates of a judgement."""
+    return _log_evidence(judgement.trial_set, candidate.whitened)
+
+
+def _log_evidence(trial_set: TrialSet, whitened: Array) -> float:
+    rows = trial_set.by_trial(trial_set.rows_per_block)
+    left = trial_set.by_trial(trial_set.losses(whitened)) / rows
+    factors = np.maximum(1.0, left)
+    return -0.5 * (float(rows @ (np.log(factors) + left / factors)) + trial_set.log_determinant)
+
+
+def judged_by_gait_sets(
+    judgement: Judgement, floors: Sequence[Floors], hypotheses: Sequence[Hypothesis], context: Context
+) -> tuple[Judgement, JudgedSets]:
+    """Return a judgement with sets of effects, and the sets.
+
+    The first search is by the covariance about the nominal robot, the second by that about the best set.
+
+    Args:
+        judgement: the trials and the fits of single effects, by the covariance of `with_tolerances`.
+        floors: floor of each signal of each trial.
+        hypotheses: the effects to try, each on its targets.
+        context: simulates robots; settings.
+    """
+    known = Simulated()
+    judge, fits = _searched(judgement, hypotheses, (), known, context)
+    if fits[0].hypotheses:
+        judgement = with_tolerances(judgement, context, fits[0].point)
+        judge, fits = _searched(judgement, hypotheses, fits[0].point, known, context)
+    judged = _judged(judge, fits, known, floors)
+    return replace(judgement, sets=judged), judged
+
+
+def _searched(
+    judgement: Judgement,
+    hypotheses: Sequence[Hypothesis],
+    begin: Point,
+    known: Simulated,
+    context: Context,
+) -> tuple[SetJudge, list[SetFit]]:
+    """Return the sets that were fitted by one covariance, the best first, and their judge.
+
+    Args:
+        judgement: the trials and the fits of single effects.
+        hypotheses: the effects to try, each on its targets.
+        begin: a set from which the search sets out.
+        known: robots that were simulated; new ones are added.
+        context: simulates robots; settings.
+    """
+    trial_set, settings = judgement.trial_set, context.settings.gait_sets
+    initial, stage = trial_set.initial, context.runner.stage(FITTING_SETS)
+
+    def simulate(requests: Sequence[RobotRequest]) -> list[Comparison | None]:
+        fresh = {one.name: one for one in requests if one.name not in known.robots}
+        known.add([*fresh.values()], stage(initial, [*fresh.values()]))
+        found = [known.robots[one.name] for one in requests]
+        return [
+            None if robot is None else replace(trial_set.rewhiten(robot, initial), at=np.array(one.at))
+            for one, robot in zip(requests, found, strict=True)
+        ]
+
+    loss = WideLoss(
+        trial_set.row_trials,
+        settings.freedom,
+        settings.temper,
+        settings.most_rows,
+        trial_set.per_error,
+        trial_set.motions,
+    )
+    fitter = SetFitter(loss, simulate, trial_set.rows, settings)
+    judge = SetJudge(trial_set, loss, fitter, settings, context.runner)
+    responses = SingleResponses(judgement.fits, judgement.nominal)
+    search = SetSearch(
+        fitter, hypotheses, judgement.nominal, settings, fitter, begin=begin, responses=responses
+    )
+    return judge, search.run()
+
+
+def _judged(
+    judge: SetJudge, fits: Sequence[SetFit], known: Simulated, floors: Sequence[Floors]
+) -> JudgedSets:
+    """Return sets in order of their probability, by the loss of all trials and the price of each effect."""
+    scores = -0.5 * np.array([_minus_log(judge, fit) for fit in fits])
+    order = np.argsort(-scores, kind="stable").tolist()
+    none = max((float(scores[i]) for i in order if not fits[i].hypotheses), default=-math.inf)
+    order = [i for i in order if fits[i].hypotheses]
+    chosen, weights = [fits[i] for i in order], scores[order]
+    probable = int(np.sum(probabilities(weights) >= judge.settings.probable)) if len(order) else 0
+    changes = [_moves(judge, fit, floors) for fit in chosen[:probable]]
+    changes += [dict.fromkeys((h.name for h in fit.hypotheses), 0.0) for fit in chosen[probable:]]
+    candidates = tuple(_candidate(judge, fit, known) for fit in chosen)
+    still = np.zeros(len(judge.loss.row_trials))
+    return JudgedSets(judge, candidates, weights, none, tuple(changes), still)
+
+
+def _candidate(judge: SetJudge, fit: SetFit, known: Simulated) -> Candidate:
+    """Return a set with what it leaves of held-out gaits.
+
+    Without a gait the fit is the best one of the robots that were simulated with these effects: slopes do not
+    tell where a foot slips in another step.
+    """
+    trial_set, loss = judge.trial_set, judge.loss
+    alike = known.with_effects_of(fit)
+    robots = [fit.robot, *(trial_set.rewhiten(one, trial_set.initial) for one in alike)]
+    losses = np.array([trial_set.losses(one.whitened) for one in robots])
+
+    def best(weights: Array | None) -> Comparison:
+        if weights is None:
+            return fit.robot
+        totals = [loss.of_squares(trial_set.by_trial(weights * one)).sum() for one in losses]
+        return robots[int(np.argmin(totals))]
+
+    def left(name: Residual, blocks: Indices) -> Array:
+        return heldout(trial_set, blocks, lambda weights: np.asarray(getattr(best(weights), name)))
+
+    return Candidate(
+        fit.hypotheses,
+        tuple(fit.robot.at.tolist()),
+        trial_set.losses(fit.robot.whitened),
+        trial_set.losses(left("whitened", trial_set.row_blocks)),
+        fit.robot.whitened,
+        left("marker", trial_set.sample_blocks),
+        left("angles", trial_set.angle_blocks),
+        log_priors=tuple(h.log_prior(at) for h, at in fit.point),
+        together=fit,
+    )
+
+
+def _minus_log(judge: SetJudge, fit: SetFit) -> float:
+    """Return minus twice the logarithm of a set's posterior weight, up to a constant."""
+    channels = [len(h.nominal.channels) for h in fit.hypotheses if h.effect.target != "none"]
+    return judge.fitter.score(fit) + 2.0 * sum(math.log(count + 1.0) for count in channels)
+
+
+def _moves(judge: SetJudge, fit: SetFit, floors: Sequence[Floors]) -> dict[str, float]:
+    """Return how far the robot without each effect of a set is from that with it, in floors."""
+    points = [[one for k, one in enumerate(fit.point) if k != i] for i in range(len(fit.hypotheses))]
+    robots = judge.fitter.simulate([robot_request(point) for point in points])
+    return {
+        h.name: math.inf if robot is None else floors_apart(judge.trial_set, fit.robot, robot, floors)
+        for h, robot in zip(fit.hypotheses, robots, strict=True)
+    }
+
+
+def floors_apart(trial_set: TrialSet, one: Comparison, other: Comparison, floors: Sequence[Floors]) -> float:
+    """Return how far two robots are apart, in floors, in the trial and signal where it is most.
+
+    Args:
+        trial_set: the trials.
+        one, other: the trials compared with the robots.
+        floors: floor of each signal of each trial.
+    """
+    ratios = [0.0]
+    for kind, residuals, blocks in (
+        (True, one.marker - other.marker, trial_set.sample_blocks),
+        (False, one.angles - other.angles, trial_set.angle_blocks),
+    ):
+        trials = trial_set.block_trials[blocks]
+        for index, own in enumerate(floors):
+            squares = [floor.total**2 for name, floor in own.items() if is_position(name) == kind]
+            moved = residuals[trials == index]
+            if squares and len(moved):
+                floor = math.sqrt(float(np.mean(squares))) * (1.0 if kind else _ANGLE_FLOORS)
+                ratios.append(math.sqrt(float(np.mean(moved**2))) / max(floor, 1e-12))
+    return max(ratios)

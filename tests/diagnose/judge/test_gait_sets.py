@@ -1,0 +1,87 @@
+"""Gaits of robots that are a little wrong in everything: the covariance, the floors, and the choice of it."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from toyfits import toy_comparison, toy_fit, toy_trials
+
+from gaitopt import Problem
+from gaitopt.core.streams import seeded
+from gaitopt.diagnose.fit.robust import WideLoss
+from gaitopt.diagnose.gap.floor import Floor
+from gaitopt.diagnose.judge.gait_sets import floors_apart, log_evidence
+from gaitopt.diagnose.judge.judgement import Judgement
+from gaitopt.diagnose.judge.small_errors import tolerant_robots
+from gaitopt.simulation.rollout import Simulator
+
+
+def wide_loss(trials: int = 3, each: int = 30) -> WideLoss:
+    return WideLoss(np.repeat(np.arange(trials), each), 4.0, 3.0, 10.0, np.ones(trials), np.ones(trials))
+
+
+def test_the_weights_of_a_wide_covariance_are_the_slope_of_its_loss() -> None:
+    loss = wide_loss()
+    white = seeded(1).standard_normal(90) * np.repeat([0.5, 3.0, 30.0], 30)
+    weights = loss.trial_weights(loss.squares(white))[loss.row_trials]
+    for row in (0, 35, 80):
+        aside = white.copy()
+        aside[row] += 1e-5
+        slope = (loss.total(aside) - loss.total(white)) / 1e-5
+        assert slope == pytest.approx(2.0 * weights[row] * white[row], rel=1e-3)
+
+
+def test_a_trial_that_fits_better_than_the_covariance_says_counts_no_more_than_the_others() -> None:
+    loss = wide_loss()
+    weights = loss.trial_weights(loss.squares(np.repeat([0.1, 1.0, 30.0], 30)))
+    assert weights[0] == pytest.approx(weights[1])
+    assert weights[2] < 0.01 * weights[1]
+
+
+def test_robots_are_wrong_in_everything_and_the_same_for_the_same_seed(strider: Problem) -> None:
+    simulator = Simulator.build(strider)
+    robots, again, other = (tolerant_robots(simulator, seed, 4) for seed in (1, 1, 2))
+    masses = [tuple(robot.models[0].body_mass) for robot in robots]
+    assert masses == [tuple(robot.models[0].body_mass) for robot in again]
+    assert len({*masses, *(tuple(robot.models[0].body_mass) for robot in other)}) == 8
+    assert all(robot.scenarios[0].errors.friction for robot in robots)
+    assert all("camera_scale" in [one.effect.name for one in robot.effects.active] for robot in robots)
+    steps = [robot.fidelity.timestep_s for robot in robots]
+    assert steps[1] == pytest.approx(0.5 * steps[0])
+
+
+def judgement_of(residual: np.ndarray, tolerant: bool) -> Judgement:
+    """One effect that does nothing, by a covariance that may allow an error of the first row."""
+    trial_set, shrunk = toy_trials(40, 4), np.eye(40)
+    shrunk[0, 0] = 0.05
+    if tolerant:
+        trial_set = replace(trial_set, updates=(shrunk,))
+    measured = shrunk @ residual if tolerant else residual
+    fit = toy_fit(trial_set, measured, lambda value: 0.0 * measured, [0.0, 1.0])
+    return Judgement(trial_set, toy_comparison([0.0], measured), (fit,))
+
+
+def test_the_tolerances_are_likelier_where_what_is_left_is_what_they_allow() -> None:
+    noise = seeded(3).standard_normal(40)
+    allowed = noise + 28.0 * np.eye(40)[0]
+    assert log_evidence(judgement_of(allowed, True)) > log_evidence(judgement_of(allowed, False)) + 10.0
+    assert log_evidence(judgement_of(noise, True)) < log_evidence(judgement_of(noise, False)) - 1.0
+
+
+def test_how_far_robots_are_apart_is_counted_in_floors_of_the_worst_trial() -> None:
+    trial_set: Any = SimpleNamespace(
+        block_trials=np.array([0, 1]),
+        sample_blocks=np.array([0, 0, 1, 1]),
+        angle_blocks=np.array([0, 0, 1, 1]),
+    )
+    floors = [
+        {"marker.x": Floor(1e-3, None, 0.0, 0.0), "joint.mid": Floor(2e-3, None, 0.0, 0.0)} for _ in range(2)
+    ]
+    one, other = toy_comparison([], np.zeros(2)), toy_comparison([], np.zeros(2))
+    one = replace(one, marker=np.zeros(4), angles=np.zeros(4))
+    moved = replace(other, marker=np.array([1e-3, -1e-3, 4e-3, -4e-3]), angles=np.zeros(4))
+    assert floors_apart(trial_set, one, moved, floors) == pytest.approx(4.0)
+    turned = replace(other, marker=np.zeros(4), angles=np.array([0.012, 0.012, 0.0, 0.0]))
+    assert floors_apart(trial_set, one, turned, floors) == pytest.approx(2.0)
