@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from gaitopt.optimise.robots import Expected
 from gaitopt.optimise.verification import evenly
 from gaitopt.robot.signals import MARKER
 from gaitopt.simulation.metrics import SPEED
-from gaitopt.simulation.scenario import NOMINAL, Scenario
+from gaitopt.simulation.scenario import NOMINAL, Scenario, draw_scenarios
 from gaitopt.simulation.setup import RobotSetup
 
 Array = NDArray[np.float64]
@@ -53,7 +53,8 @@ class Prediction:
         gait: its name.
         filmed: whether the data set has it.
         speed: forward speed of the robot, m/s; None for problems without travel, and for logs. Its interval
-            holds what is not known of the robot, with the start pose, and what no effect explains: its width
+            holds what is not known of the robot, with the start pose and, where these count, the tolerances,
+            and what no effect explains: its width
             to a side is the root of the sum of two squares, of the robots' and of the left-over. The
             left-over is an error of the travel per cycle, by the evidence of held-out gaits, by Student's t.
             With one gait only, it is that of held-out cycles, which says little about other gaits.
@@ -132,12 +133,8 @@ def _speeds(
     if not gaits:
         return []
     problem, fidelity = found.trial_set.problem, found.trial_set.simulator.fidelity
-    size = problem.file.tolerances.start_pose_rad
-    numbers = generator(seed, Stream.POSTERIOR_DRAWS).integers(2**31, size=settings.robots).tolist()
-    own = [
-        Scenario(start_pose_rad=size, pose_seed=number, effects=robot)
-        for number, robot in zip(numbers, evenly(robots, settings.robots), strict=False)
-    ]
+    begun = zip(_scenarios(found, seed, settings), evenly(robots, settings.robots), strict=False)
+    own = [replace(scenario, effects=robot) for scenario, robot in begun]
     setup = RobotSetup.of(problem, [NOMINAL, *own], fidelity)
     work = [(setup, gait, index) for gait in gaits.values() for index in range(len(setup.scenarios))]
     done = iter(assess_all(work, executor))
@@ -150,6 +147,16 @@ def _speeds(
         speed = widened(simulated, left_over / gait.period_s)
         rows.append(Prediction(name, gait.key in filmed, speed, nominal.metrics[SPEED.name], failed))
     return rows
+
+
+def _scenarios(found: Causes, seed: int, settings: PredictionSettings) -> Sequence[Scenario]:
+    """Return how the robots' walks begin, and their small errors where they have any."""
+    problem = found.trial_set.problem
+    if found.judgement.tolerant:
+        return draw_scenarios(problem, settings.robots, (seed, Stream.TOLERANT_ROBOTS))
+    size = problem.file.tolerances.start_pose_rad
+    numbers = generator(seed, Stream.POSTERIOR_DRAWS).integers(2**31, size=settings.robots).tolist()
+    return [Scenario(start_pose_rad=size, pose_seed=number) for number in numbers]
 
 
 def widened(expected: Expected, half: float) -> Expected:
@@ -169,7 +176,8 @@ def leftover_travel(found: Causes) -> float:
     It is the forward slope of what the first explanation leaves of each recording of a gait that its fit did
     not see, times the period: an error of how far a foot holds or slips is one of each step, not of each
     second. The root of the mean square over gaits is widened by Student's t, with as many degrees of freedom
-    as there are gaits. It is 0 where forward motion was not measured; nothing then tells what is left.
+    as there are gaits. It is 0 where forward motion was not measured; nothing then tells what is left. What
+    the tolerances of the robot allow is no part of it: the robots that are simulated have such errors.
     """
     errors: dict[str, list[float]] = {}
     for trial, residual in _left(found):
@@ -180,7 +188,16 @@ def leftover_travel(found: Causes) -> float:
     if not errors:
         return 0.0
     squares = [float(np.mean(np.square(own))) for own in errors.values()]
-    return float(stats.t.ppf(0.95, len(squares))) * math.sqrt(float(np.mean(squares)))
+    return _unexplained(found) * float(stats.t.ppf(0.95, len(squares))) * math.sqrt(float(np.mean(squares)))
+
+
+def _unexplained(found: Causes) -> float:
+    """Return the share of what is left, as a length, of other causes than tolerances."""
+    if not found.judgement.tolerant:
+        return 1.0
+    first = found.best or found.none
+    beyond = math.sqrt(max(0.0, 1.0 - 1.0 / max(1.0, first.left(found.trial_set))))
+    return max(beyond, found.other_probability)
 
 
 def _left(found: Causes) -> list[tuple[Trial, dict[str, Array]]]:

@@ -19,8 +19,13 @@ from gaitopt.robot.signals import is_position
 from gaitopt.simulation.rollout import Simulator
 
 
-def causes(problem: Problem, drives: list[Drive], slope: float, *, forward: bool = True) -> Any:
-    """What was found, with trials that are left with a slope, m/s, along forward or across it."""
+def causes(
+    problem: Problem, drives: list[Drive], slope: float, *, forward: bool = True, left: float | None = None
+) -> Any:
+    """What was found, with trials that are left with a slope, m/s, along forward or across it.
+
+    With `left`, a mean whitened square, the robot is a little wrong in everything.
+    """
     trials, marker = [], []
     for drive in drives:
         trial = recorded()
@@ -35,10 +40,13 @@ def causes(problem: Problem, drives: list[Drive], slope: float, *, forward: bool
         )
         trials.append(SimpleNamespace(aligned=SimpleNamespace(trial=trial)))
         marker.append(slope * (trial.time - trial.time.mean()))
-    first = SimpleNamespace(marker=np.concatenate(marker), angles=np.empty(0))
+    first = SimpleNamespace(marker=np.concatenate(marker), angles=np.empty(0), left=lambda trial_set: left)
     simulator = Simulator.build(problem)
     trial_set = SimpleNamespace(problem=problem, trials=trials, simulator=simulator)
-    return SimpleNamespace(best=first, none=first, trial_set=trial_set)
+    judgement = SimpleNamespace(tolerant=left is not None)
+    return SimpleNamespace(
+        best=first, none=first, trial_set=trial_set, judgement=judgement, other_probability=0.1
+    )
 
 
 def test_what_is_left_is_an_error_of_the_travel_per_cycle(strider: Problem) -> None:
@@ -48,6 +56,25 @@ def test_what_is_left_is_an_error_of_the_travel_per_cycle(strider: Problem) -> N
     assert left == pytest.approx(2.920 * math.sqrt((2e-3**2 + 1e-3**2) / 2.0), rel=1e-3)
     repeats = leftover_travel(causes(strider, [*two, *two], 1e-3))
     assert repeats == pytest.approx(left)  # repeats of a gait tell nothing of other gaits
+
+
+def test_what_the_tolerances_allow_is_no_part_of_what_is_left(strider: Problem) -> None:
+    gaits = [strider.baselines["stride"]]
+    usual, allowed, half = (leftover_travel(causes(strider, gaits, 1e-3, left=n)) for n in (None, 0.9, 4.0))
+    assert allowed == pytest.approx(0.1 * usual)  # as probable as another cause
+    assert half == pytest.approx(usual * np.sqrt(0.75))
+
+
+def test_the_tolerances_widen_what_is_expected(strider: Problem) -> None:
+    gaits, few = [strider.baselines["stride"]], PredictionSettings(robots=4)
+    widths = []
+    for left in (None, 0.5):
+        found = causes(strider, gaits, 0.0, left=left)
+        with open_executor("serial", 1) as pool:
+            row = predictions(found, [()] * 4, pool, 1, few)[0]
+        assert row.speed is not None
+        widths.append(row.speed.ci90[1] - row.speed.ci90[0])
+    assert widths[1] > 2.0 * widths[0]
 
 
 def test_without_forward_motion_nothing_is_left(strider: Problem) -> None:
