@@ -4,6 +4,8 @@
     python tests/studies/blind_record.py full --work /tmp/blind-full --out results/blind
     python tests/studies/blind_record.py pairs --work /tmp/blind-pairs --out results/blind
     python tests/studies/blind_record.py x-alone --work /tmp/blind-x --out results/blind
+    python tests/studies/blind_record.py several --work /tmp/blind-several --out results/blind
+    python tests/studies/blind_record.py several-x --work /tmp/blind-several-x --out results/blind
 
 OUT/PLAN.jsonl has one line for each finished case; nothing else is needed to continue on another machine.
 Cases share the rollouts that every diagnosis begins with. So all cases but the first two cost less than a
@@ -11,7 +13,7 @@ single diagnosis. The simulations of a case are kept in the work folder. If only
 have changed, remove OUT/PLAN.jsonl and run it again; this takes seconds per case. If the residuals have
 changed, remove WORK/memory too.
 
-Cost: about 4 h of two cores for `full`, 3 h for `x-alone`, 1.5 h for `pairs` (estimated).
+Cost: about 4 h of two cores for `full`, 3 h for `x-alone`, 1.5 h for `pairs`, 15 h for both of `several`.
 """
 
 from __future__ import annotations
@@ -97,11 +99,23 @@ def _x_alone() -> Plan:
     return Plan(852, ("marker.x",), tuple((kind, None) for kind, count in counts for _ in range(count)))
 
 
+def _several() -> Plan:
+    """Robots that are a little wrong in everything, with one to four effects and misfit trials."""
+    return Plan(873, None, (("several", None),) * 120)
+
+
+def _several_x() -> Plan:
+    """The same with x of the marker alone."""
+    return Plan(874, ("marker.x",), (("several", None),) * 60)
+
+
 PLANS: dict[str, Callable[[], Plan]] = {
     "development": _development,
     "full": _full,
     "pairs": _pairs,
     "x-alone": _x_alone,
+    "several": _several,
+    "several-x": _several_x,
 }
 
 
@@ -178,6 +192,7 @@ SCORED = (
     "other_probability",
     "p_value",
     "unevenness",
+    "misfit_trials",
     "gap",
     "defects",
 )
