@@ -46,7 +46,9 @@ def answer(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "explained" and not (diagnosis.found and diagnosis.found.causes):
         return f"The gap ({figures}) is in the recordings: {', '.join(diagnosis.causes)}."
     if diagnosis.found is not None and diagnosis.found.candidates:
-        return f"{_VERDICTS[diagnosis.verdict].format(*_who(diagnosis))} The gap: {_before_after(gap)}."
+        within = diagnosis.verdict == "partly_explained" and gap.gap.after <= gap.gap.floor
+        kind = "uneven" if within and diagnosis.found.unevenness > UNEVEN else diagnosis.verdict
+        return f"{_VERDICTS[kind].format(*_who(diagnosis))} The gap: {_before_after(gap)}."
     text = f"There is a gap: {figures}{_angles_too(diagnosis)}."
     for first in diagnosis.where[:1]:  # nothing where every part of the gap is within the floor
         part = f"{first.component} of {first.signal} in trial {first.trial}"
@@ -98,18 +100,20 @@ def name_of_component(component: str) -> str:
 
 _VERDICTS = {
     "explained": "The gap is explained by {0}.",
+    "uneven": "{0} {2} the gap, but the recorded cycles differ more than simulated ones.",
     "ambiguous": "These trials cannot tell which effect causes the gap: {0}, or {1}.",
-    "partly_explained": "{0} explains only a part of the gap; there is another cause.",
+    "partly_explained": "{0} {2} only a part of the gap; there is another cause.",
     "unexplained": "No effect of the library explains the gap of held-out trials. The best of them is {0}.",
 }
 
 
-def _who(diagnosis: Diagnosis) -> tuple[str, str]:
-    """Return the cause with its parameter, and the effects that the trials cannot separate from it."""
+def _who(diagnosis: Diagnosis) -> tuple[str, str, str]:
+    """Return the cause with its parameter, what the trials cannot separate from it, and the verb for it."""
     found = diagnosis.found
     if found is None or found.best is None:
-        return "", ""
-    return with_values(found.best), " or ".join(found.ambiguous_with)
+        return "", "", ""
+    verb = "explains" if len(found.best.hypotheses) == 1 else "explain"
+    return with_values(found.best), " or ".join(found.ambiguous_with), verb
 
 
 def how_far(diagnosis: Diagnosis) -> str:

@@ -35,6 +35,9 @@ from gaitopt.simulation.rollout import Simulator
 
 Array = NDArray[np.float64]
 
+_NEUTRAL = 1e-3
+"""A coordinate closer to the neutral one than this, in ranges, does nothing."""
+
 _ANGLE_FLOORS = 3.0
 """Floors of an angle that count as one: nearly each effect of a servo is seen in it, however small."""
 
@@ -191,6 +194,7 @@ def _judged(
     judge: SetJudge, fits: Sequence[SetFit], known: Simulated, floors: Sequence[Floors]
 ) -> JudgedSets:
     """Return sets in order of their probability, by the loss of all trials and the price of each effect."""
+    fits = [fit for fit in fits if not _idle(fit)]
     scores = -0.5 * np.array([_minus_log(judge, fit) for fit in fits])
     order = np.argsort(-scores, kind="stable").tolist()
     none = max((float(scores[i]) for i in order if not fits[i].hypotheses), default=-math.inf)
@@ -202,6 +206,12 @@ def _judged(
     candidates = tuple(_candidate(judge, fit, known) for fit in chosen)
     still = np.zeros(len(judge.loss.row_trials))
     return JudgedSets(judge, candidates, weights, none, tuple(changes), still)
+
+
+def _idle(fit: SetFit) -> bool:
+    """Whether an effect of a set ended where it does nothing: the set without it is another one."""
+    neutral = np.array([h.share(h.neutral) for h in fit.hypotheses])
+    return bool(np.any(np.abs(fit.shares - neutral) < _NEUTRAL))
 
 
 def _candidate(judge: SetJudge, fit: SetFit, known: Simulated) -> Candidate:
