@@ -141,7 +141,7 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
         raise GaitoptError("no effect can be tried: the simulation of every robot that has one fails")
     short = falls_short(wide)
     tolerant = with_tolerances(wide, context) if short else wide
-    if short and _likelier(tolerant, log_evidence(wide, 2)):
+    if short and _likelier(tolerant, log_evidence(wide, 2), 2):
         return _explained_by_several(tolerant, gap, hypotheses, context)
     found = _explained(wide.refine_covariance(context), gap, trial_set, context)
     if falls_short(found.judgement):
@@ -154,14 +154,15 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
     return concluded
 
 
-def _likelier(tolerant: Judgement, other: float) -> bool:
+def _likelier(tolerant: Judgement, other: float, most: int = 1) -> bool:
     """Whether the tolerances make the recordings more probable than something else does.
 
     Args:
         tolerant: every candidate of one effect, by the covariance of the tolerances.
         other: logarithm of the other probability, see `log_evidence`.
+        most: number of effects that may be added up.
     """
-    return log_evidence(tolerant) > other + tolerant.settings.verdict.tolerant * tolerant.n_rows
+    return log_evidence(tolerant, most) > other + tolerant.settings.verdict.tolerant * tolerant.n_rows
 
 
 def _explained_by_several(
