@@ -33,7 +33,7 @@ def conclude_sets(
     """
     settings = judgement.settings.verdict
     if not sets.candidates or sets.none >= sets.scores[0]:
-        remains = _typical(sets, judgement.none)
+        remains = _typical(judgement, sets, judgement.none)
         other = other_probability(remains / settings.other_half, settings)
         kind = "no_gap" if remains <= settings.left else "unexplained"
         return Verdict(kind, other_probability=other)
@@ -47,13 +47,13 @@ def conclude_sets(
     clear = bool(causes) and not rest
     if not causes:
         causes, rest = rest[:1], rest[1:]
-    remains = _typical(sets, first)
+    remains = _typical(judgement, sets, first)
     other = other_probability(remains / settings.other_half, settings)
     chance_alone = min(1.0, n_hypotheses * math.exp(min(0.0, sets.none - float(sets.scores[0]))))
     if remains <= settings.left:
         kind = "explained" if clear else "ambiguous" if causes else "no_gap"
     else:
-        explained = 1.0 - math.sqrt(remains / max(_typical(sets, judgement.none), 1e-300))
+        explained = 1.0 - math.sqrt(remains / max(_typical(judgement, sets, judgement.none), 1e-300))
         shown = explained >= settings.little or bool(sets.known)
         kind = "partly_explained" if shown else "unexplained"
         if kind == "unexplained":
@@ -102,6 +102,14 @@ def misfit_trials(judgement: Judgement, sets: JudgedSets) -> dict[str, float]:
     }
 
 
-def _typical(sets: JudgedSets, candidate: Candidate) -> float:
-    """Return the mean whitened square that is left of held-out data, in the trial at the upper quartile."""
-    return float(np.quantile(sets.judge.heldout_left(candidate), 0.75))
+def _typical(judgement: Judgement, sets: JudgedSets, candidate: Candidate) -> float:
+    """Return the mean whitened square that is left of held-out data, in the trial at the upper quartile.
+
+    Trials that the first set does not fit do not count, where these are fewer than half.
+    """
+    left = sets.judge.heldout_left(candidate)
+    if sets.candidates:
+        odd = misfit_trials(judgement, sets)
+        fits = np.array([one.aligned.trial.name not in odd for one in judgement.trial_set.trials])
+        left = left[fits] if 2 * np.sum(fits) > len(fits) else left
+    return float(np.quantile(left, 0.75))

@@ -1,13 +1,14 @@
 """Which effects of sets are causes."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from toysets import toy_hypothesis
 
-from gaitopt.diagnose.judge.set_verdict import at_work, stand_ins
+from gaitopt.diagnose.judge.set_verdict import at_work, conclude_sets, misfit_trials, stand_ins
 from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.settings import VerdictSettings
 
@@ -67,3 +68,29 @@ def test_an_unusual_effect_that_fits_worse_is_ruled_out() -> None:
 def test_an_unusual_effect_beside_all_causes_does_not_stand_for_one() -> None:
     judgement, sets = judged((0.9, {"damping": 40.0}), (0.1, {"damping": 30.0, "emf": 5.0}))
     assert stand_ins(judgement, sets, ["damping"]) == ()
+
+
+def with_trials(left: list[float], before: list[float]) -> tuple[Any, Any]:
+    """A set of one effect, and what it and the nominal robot leave of each trial."""
+    judgement, sets = judged((1.0, {"trim": 5.0}))
+    first, none = candidate(["trim"]), candidate([])
+    first.left, none.left = np.array(left), np.array(before)
+    trials = [SimpleNamespace(aligned=SimpleNamespace(trial=SimpleNamespace(name=f"{i}"))) for i in range(3)]
+    judge: Any = SimpleNamespace(
+        heldout_left=lambda one: one.left, settings=SimpleNamespace(misfit=2.5), loss=None
+    )
+    judgement.first, judgement.none = first, none
+    judgement.trial_set = SimpleNamespace(trials=trials)
+    return judgement, replace(sets, judge=judge, candidates=(first,), none=-40.0)
+
+
+def test_a_trial_that_nothing_fits_does_not_hide_what_explains_the_others() -> None:
+    judgement, sets = with_trials([0.5, 0.4, 26.0], [4.0, 3.0, 27.0])
+    assert misfit_trials(judgement, sets) == {"2": 26.0}
+    found = conclude_sets(judgement, sets, 10)
+    assert (found.kind, found.causes) == ("explained", ("trim",))
+
+
+def test_where_most_trials_do_not_fit_nothing_is_explained() -> None:
+    judgement, sets = with_trials([0.5, 26.0, 26.0], [0.6, 27.0, 27.0])
+    assert conclude_sets(judgement, sets, 10).kind == "unexplained"
