@@ -101,12 +101,12 @@ def _x_alone() -> Plan:
 
 def _several() -> Plan:
     """Robots that are a little wrong in everything, with one to four effects and misfit trials."""
-    return Plan(873, None, (("several", None),) * 120)
+    return Plan(883, None, (("several", None),) * 120)
 
 
 def _several_x() -> Plan:
     """The same with x of the marker alone."""
-    return Plan(874, ("marker.x",), (("several", None),) * 60)
+    return Plan(884, ("marker.x",), (("several", None),) * 60)
 
 
 PLANS: dict[str, Callable[[], Plan]] = {
