@@ -19,7 +19,7 @@ from gaitopt.diagnose.fit.pair_sums import promising_sums
 from gaitopt.diagnose.fit.responses import SingleResponses
 from gaitopt.diagnose.fit.robust import WideLoss
 from gaitopt.diagnose.fit.runner import FITTING_SETS, RobotRequest
-from gaitopt.diagnose.fit.set_fit import Point, SetFit, SetFitter
+from gaitopt.diagnose.fit.set_fit import Point, SetFit
 from gaitopt.diagnose.fit.set_search import SetSearch
 from gaitopt.diagnose.fit.single import Residual, robot_request
 from gaitopt.diagnose.fit.trials import Comparison, Indices, TrialSet
@@ -173,20 +173,10 @@ def _searched(
             for one, robot in zip(requests, found, strict=True)
         ]
 
-    loss = WideLoss(
-        trial_set.row_trials,
-        settings.freedom,
-        settings.temper,
-        settings.most_rows,
-        trial_set.per_error,
-        trial_set.motions,
-    )
-    fitter = SetFitter(loss, simulate, trial_set.rows, settings)
-    judge = SetJudge(trial_set, loss, fitter, settings, context.runner)
+    judge = SetJudge.of(trial_set, context.runner, settings, WideLoss, simulate)
     responses = SingleResponses(judgement.fits, judgement.nominal)
-    search = SetSearch(
-        fitter, hypotheses, judgement.nominal, settings, fitter, begin=begin, responses=responses
-    )
+    fitter, nominal = judge.fitter, judgement.nominal
+    search = SetSearch(fitter, hypotheses, nominal, settings, fitter, begin=begin, responses=responses)
     return judge, search.run()
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
 from types import MappingProxyType
 
@@ -19,8 +20,8 @@ from gaitopt.core.statistics import NORMAL_95
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.proposals import Proposals
 from gaitopt.diagnose.fit.robust import RobustLoss
-from gaitopt.diagnose.fit.runner import FITTING_SETS, RobotRequest, Runner
-from gaitopt.diagnose.fit.set_fit import Point, SetFit, SetFitter
+from gaitopt.diagnose.fit.runner import FITTING_SETS, Runner
+from gaitopt.diagnose.fit.set_fit import Point, SetFit, SetFitter, Simulate
 from gaitopt.diagnose.fit.set_search import SetSearch
 from gaitopt.diagnose.fit.settings import SetSettings
 from gaitopt.diagnose.fit.single import robot_request
@@ -52,14 +53,17 @@ class SetJudge:
     runner: Runner
 
     @staticmethod
-    def of(trial_set: TrialSet, runner: Runner, settings: SetSettings) -> SetJudge:
-        """Return the judge of some trials; robots are simulated by a runner."""
-        stage = runner.stage(FITTING_SETS)
-
-        def simulate(requests: Sequence[RobotRequest]) -> list[Comparison | None]:
-            return stage(trial_set, requests)
-
-        loss = RobustLoss(
+    def of(
+        trial_set: TrialSet,
+        runner: Runner,
+        settings: SetSettings,
+        kind: type[RobustLoss] = RobustLoss,
+        simulate: Simulate | None = None,
+    ) -> SetJudge:
+        """Return the judge of some trials; robots are simulated by a runner, or by a function of it."""
+        if simulate is None:
+            simulate = partial(runner.stage(FITTING_SETS), trial_set)
+        loss = kind(
             trial_set.row_trials,
             settings.freedom,
             settings.temper,
