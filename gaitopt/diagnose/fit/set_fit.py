@@ -150,6 +150,10 @@ class SetFitter:
         column = (robot.whitened - fit.robot.whitened) / moved
         samples = (_samples(robot) - _samples(fit.robot)) / moved
         neutral = replace(fit.robot, at=np.append(fit.robot.at, hypothesis.neutral))
+        if self.settings.centred:
+            centres = [neutral, robot]
+        else:
+            centres = [robot if hypothesis.effect.rough else neutral]
         begun = [
             self._fit(
                 (*fit.hypotheses, hypothesis),
@@ -158,11 +162,9 @@ class SetFitter:
                 np.column_stack([fit.sample_slopes, samples]),
                 self.settings.first_radius,
             )
-            for centre in (neutral, robot)
+            for centre in centres
         ]
-        if self.settings.centred:
-            return min(begun, key=lambda one: one.loss)
-        return begun[1] if hypothesis.effect.rough else begun[0]
+        return min(begun, key=lambda one: one.loss)
 
     def without_effect(self, fit: SetFit, index: int) -> SetFit:
         """Return a set without one of its effects; its residual is the one that the slopes predict."""

@@ -192,7 +192,8 @@ class SetSearch:
         """Return every other effect beside a set, the best expected score first, each effect once."""
         others = [h for h in self.hypotheses if h.effect.name not in fit.effects]
         if self.responses is not None:
-            points = self._promising(fit, others, self.responses)
+            promising = self._promising(fit, others, self.responses)
+            points = [(beside.hypotheses[-1], at) for beside, at in promising]
             work = [(h, _signed_share(h, at)) for h, at in points]
         else:
             work = [(h, share) for h in others for share in self._shares(fit, h)]
@@ -222,18 +223,19 @@ class SetSearch:
 
     def _promising(
         self, fit: SetFit, others: Sequence[Hypothesis], responses: SingleResponses
-    ) -> list[tuple[Hypothesis, float]]:
-        """Return the effects that promise most beside a set, each at its best coordinate, the best first."""
-        best: list[tuple[float, int, float]] = []
+    ) -> list[tuple[SetFit, float]]:
+        """Return the set with each effect that promises most, at its best coordinate, the best first."""
+        best: list[tuple[float, int, float, SetFit]] = []
         for index, h in enumerate(others):
             sums = [(self._beside(fit, h, at, robot), at) for at, robot in responses.beside(fit.robot, h)]
-            best += sorted((self._expected(beside), index, at) for beside, at in sums)[:1]
-        chosen, targets = list[tuple[Hypothesis, float]](), Counter[str]()
-        for _, index, at in sorted(best):
-            h = others[index]
-            if targets[h.effect.name] < self.settings.promising_targets:
-                targets[h.effect.name] += 1
-                chosen.append((h, at))
+            tried = [(self._expected(beside), index, at, beside) for beside, at in sums]
+            best += sorted(tried, key=lambda one: one[:3])[:1]
+        chosen, targets = list[tuple[SetFit, float]](), Counter[str]()
+        for _, index, at, beside in sorted(best, key=lambda one: one[:3]):
+            name = others[index].effect.name
+            if targets[name] < self.settings.promising_targets:
+                targets[name] += 1
+                chosen.append((beside, at))
         return chosen[: self.settings.promising]
 
     def _expected(self, fit: SetFit) -> float:
@@ -317,9 +319,7 @@ class SetSearch:
         found = []
         for one in smaller:
             others = [h for h in self.hypotheses if h.effect.name not in one.effects]
-            sums = {h.name: dict(responses.beside(one.robot, h)) for h in others}
-            for h, at in self._promising(one, others, responses):
-                found.append(self._beside(one, h, at, sums[h.name][at]))
+            found += [beside for beside, _ in self._promising(one, others, responses)]
         return found
 
     def _finish(self) -> None:
