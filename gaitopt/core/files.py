@@ -16,7 +16,7 @@ import stat
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.interrupts import interrupts_held
 
 MIB = 2**20
 """Bytes in a mebibyte."""
@@ -280,16 +281,16 @@ def write_with(path: Path, write: Callable[[Path], object]) -> None:
     """
     check_replaceable(path)
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
-        os.close(handle)
-        temporary = Path(name)
-        try:
+        with ExitStack() as stack:
+            with interrupts_held():  # so that no file is made that nobody removes
+                handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
+                os.close(handle)
+                temporary = Path(name)
+                stack.callback(temporary.unlink, missing_ok=True)
             write(temporary)
             mode = check_replaceable(path)
             temporary.chmod(_NEW_MODE if mode is None else mode)
             temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
     except OSError as error:
         raise GaitoptError(f"{path}: cannot be written: {error.strerror or error}") from None
 

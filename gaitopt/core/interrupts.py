@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import _thread
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -102,3 +103,20 @@ def interrupts_held() -> Iterator[None]:
             signal.signal(number, handler)
     if pressed:
         signal.raise_signal(pressed[0])
+
+
+@contextmanager
+def interrupts_blocked() -> Iterator[None]:
+    """Delay Ctrl-C and SIGTERM until the block ends, also in processes that it starts.
+
+    A terminal sends Ctrl-C to them, too, and one in which Python begins would end with a trace of its own.
+    Windows cannot delay it there.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _RAISED)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

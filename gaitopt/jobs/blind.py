@@ -106,10 +106,10 @@ def _cases_folder(folder: Path, problem: Problem) -> Iterator[None]:
     """
     made = not folder.exists()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise GaitoptError(f"--out: {folder}: cannot be made: {error.strerror}") from None
-    try:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise GaitoptError(f"--out: {folder}: cannot be made: {error.strerror}") from None
         _check_cases(folder, problem)
         with held(folder):
             yield

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.interrupts import interrupts_held
 from gaitopt.core.progress import OnProgress, numbered, silent
 from gaitopt.gait.gait import BEST_FILE
 from gaitopt.jobs.executor import check_executor, opened
@@ -190,15 +191,15 @@ def optimise(
     work = _Work(full, full and sensitivity, executor, workers, on_progress)
     if resume is not None:
         asked.check_resumed(resume)
-        return _in_folder(RunFolder.reopen(Path(resume)), work)
+        return _in_folder(lambda: RunFolder.reopen(Path(resume)), work)
     if problem is None:
         raise GaitoptError("optimise: found no problem and no run to resume")
     problem, request = over_posterior(carrying(problem), posterior), asked.request()
     check_searchable(problem)
     if out is None:
         return _in_memory(problem, request, work)
-    folder = RunFolder.create(out_folder(out), problem, request)
-    return _in_folder(Reopened(folder, problem, request), work)
+    path = out_folder(out)
+    return _in_folder(lambda: Reopened(RunFolder.create(path, problem, request), problem, request), work)
 
 
 def _in_memory(problem: Problem, request: Request, work: _Work) -> OptimiseRun:
@@ -211,13 +212,16 @@ def _in_memory(problem: Problem, request: Request, work: _Work) -> OptimiseRun:
     return OptimiseRun(Summary.of(problem, optimised), None, optimised)
 
 
-def _in_folder(run: Reopened, work: _Work) -> OptimiseRun:
+def _in_folder(open_run: Callable[[], Reopened], work: _Work) -> OptimiseRun:
     """Do or continue the work of a run. A finished one is only read, or gets the page that it lacks.
 
     The results are written before the page, so that no page that fails can cost a search.
     """
-    folder = run.folder
-    with folder, _stoppable(folder, run.problem):
+    with ExitStack() as stack:
+        with interrupts_held():  # so that no folder is made that nobody removes
+            run = open_run()
+            folder = stack.enter_context(run.folder)
+        stack.enter_context(_stoppable(folder, run.problem))
         finished = folder.summary
         if finished is not None and (folder.has_page or not run.same_versions):
             return OptimiseRun(finished, folder.path, None)

@@ -12,6 +12,7 @@ import tomli_w
 
 from gaitopt.core.errors import GaitoptError, bad_value, nearest, unknown_name
 from gaitopt.core.files import found_inside, read_toml
+from gaitopt.core.interrupts import interrupts_held
 from gaitopt.core.validation import validated
 from gaitopt.effects.active import ActiveEffect, EffectValues, Tables, active_effects, as_tables, written
 from gaitopt.gait.gait import BEST_FILE, Gait
@@ -278,7 +279,8 @@ class Problem:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the problem's file."""
-        return self.file.model_dump(mode="json", exclude_none=True)
+        with interrupts_held():  # Pydantic would take Ctrl-C in a serialiser for an error
+            return self.file.model_dump(mode="json", exclude_none=True)
 
     def to_toml(self, model: str) -> str:
         """Return a problem file with the same content that points to the MJCF `model`."""

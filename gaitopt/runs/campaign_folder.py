@@ -29,7 +29,7 @@ from gaitopt.gait.gait import Gait, read_gait, write_gait
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.robot.signals import is_position, measured_column_of
-from gaitopt.runs.folder import check_free, held, make_folder, write_into, write_problem
+from gaitopt.runs.folder import check_free, filled_folder, held, write_into, write_problem
 
 REQUEST_FILE = "campaign.toml"
 """The request; written after the problem, so that a folder with it is a campaign."""
@@ -115,8 +115,7 @@ class CampaignFolder:
                 raise GaitoptError(f"--out: {path} already holds another campaign; choose another folder")
             return folder
         check_free(path)
-        make_folder(path)
-        with held(path):
+        with filled_folder(path, problem.name), held(path):
             write_problem(path, problem, nominal_mjcf(problem))
             content = {key: value for key, value in request.to_dict().items() if value is not None}
             write_into(path, REQUEST_FILE, tomli_w.dumps(content))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import read_json
 from gaitopt.core.validation import validated
-from gaitopt.runs.folder import held, new_folder
+from gaitopt.runs.folder import filled_folder, held
 
 DIAGNOSIS_FILE = "diagnosis.json"
 """The result, written before its page: it shows that the diagnosis is finished."""
@@ -79,11 +79,6 @@ def diagnosis_folder(out: Path | None, resumed: Path | None, name: str) -> Itera
     Raises:
         GaitoptError: the folder holds something already, cannot be written, or another run works there.
     """
-    folder = resumed or new_folder(out, f"{name}-diagnosis")
-    try:
-        with held(folder):
-            yield folder
-    finally:
-        if resumed is None:
-            with suppress(OSError):  # it holds something, or is gone
-                folder.rmdir()
+    place = filled_folder(out, f"{name}-diagnosis") if resumed is None else nullcontext(resumed)
+    with place as folder, held(folder):
+        yield folder

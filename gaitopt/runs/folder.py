@@ -10,6 +10,7 @@ from pathlib import Path
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_bytes, write_text, write_with
 from gaitopt.core.folders import check_new_or_empty, not_empty
+from gaitopt.core.interrupts import interrupts_held
 from gaitopt.core.own_files import check_folder, make_own_folder
 from gaitopt.problem.lookup import PROBLEM_FILE
 from gaitopt.problem.model import assets_beside
@@ -40,27 +41,20 @@ _HALF_WRITTEN = re.compile(r"\..+\.[a-z0-9_]{8}\.\w+")
 """Names of the temporary files that `files.write_with` renames into place; a killed run may leave one."""
 
 
-def new_folder(path: Path | None, name: str) -> Path:
-    """Return a new or empty folder: `path`, or a numbered one under `RUNS`.
-
-    Raises:
-        GaitoptError: the folder holds something already, or cannot be made.
-    """
-    path = path or next_free(name)
-    make_folder(path)
-    return path
-
-
 @contextmanager
 def filled_folder(path: Path | None, name: str) -> Iterator[Path]:
-    """Yield a new or empty folder, as `new_folder` returns it; one that was made and stays empty is removed.
+    """Yield a new or empty folder: `path`, or a numbered one under `RUNS`.
+
+    One that was made and stays empty is removed.
 
     Raises:
         GaitoptError: the folder holds something already, or cannot be made.
     """
     path = path or next_free(name)
-    made = make_folder(path)
+    made = False
     try:
+        with interrupts_held():  # so that no folder is made that nobody removes
+            made = make_folder(path)
         yield path
     finally:
         if made:
@@ -107,8 +101,9 @@ def held(path: Path) -> Iterator[None]:
     """
     check_folder(path)
     lock = FolderLock(path)
-    lock.take()
     try:
+        with interrupts_held():
+            lock.take()
         remove_half_written(path)
         yield
     finally:

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +18,12 @@ import pytest
 from helpers import STRIDER, edited, problem_folder
 
 from gaitopt.cli import app as cli
-from gaitopt.core.interrupts import interrupts_between_imports, interrupts_held
+from gaitopt.core.interrupts import interrupts_between_imports, interrupts_blocked, interrupts_held
+from gaitopt.jobs.optimise import optimise
+from gaitopt.problem.problem import load_problem
+from gaitopt.runs import folder as folder_module
+from gaitopt.runs import run_folder as run_folder_module
+from gaitopt.runs.folder import filled_folder, held, write_into
 
 GAITOPT = [sys.executable, "-c", "from gaitopt.cli import main; raise SystemExit(main())"]
 BUDGET = ["--budget", "40", "--seed", "2", "--workers", "1"]
@@ -148,6 +154,20 @@ def test_ctrl_c_at_any_moment_is_one_clean_end(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_ctrl_c_while_the_folder_is_filled_leaves_nothing(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    for index, delay in enumerate(0.06 * rng.uniform(size=8) ** 2):
+        folder = tmp_path / f"run-{index}"
+        process = start("optimise", STRIDER, *BUDGET, "--out", folder, "--quiet")
+        once(lambda folder=folder: folder.exists(), process)  # type: ignore[misc]
+        time.sleep(delay)
+        os.killpg(process.pid, signal.SIGINT)
+        _, err = process.communicate(timeout=PATIENCE_S)
+        assert (process.returncode, err.splitlines()[-1]) == (130, "gaitopt: interrupted")
+        assert folder.exists() == (rows(folder) > 0)
+
+
+@pytest.mark.slow
 def test_sigterm_at_any_moment_is_one_clean_end(tmp_path: Path) -> None:
     """As a service manager or a batch system sends it, to worker processes too."""
     for index, executor in enumerate(("threads", "processes")):
@@ -262,3 +282,46 @@ def test_ctrl_c_is_held_back_until_a_solver_is_done() -> None:
         done.append("solved")
     assert done == ["solved"]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+MAKERS = {
+    "a temporary file": (tempfile, "mkstemp"),
+    "a folder": (folder_module, "make_folder"),
+    "the folder of a run": (run_folder_module.RunFolder, "create"),
+    "a lock": (folder_module.FolderLock, "take"),
+}
+
+
+@pytest.mark.parametrize("made", MAKERS)
+def test_what_is_made_at_the_moment_of_ctrl_c_is_removed(
+    made: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    owner, name = MAKERS[made]
+    make = getattr(owner, name)
+
+    def make_and_stop(*arguments: Any, **options: Any) -> Any:
+        done = make(*arguments, **options)
+        signal.raise_signal(signal.SIGINT)
+        return done
+
+    def fill() -> None:
+        if made == "the folder of a run":
+            optimise(problem, budget=4, out=tmp_path / "run")
+        with filled_folder(tmp_path / "run", "run") as folder, held(folder):
+            write_into(folder, "file.txt", "text")
+
+    problem = load_problem(STRIDER)
+    monkeypatch.setattr(owner, name, make_and_stop)
+    with pytest.raises(KeyboardInterrupt):
+        fill()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_process_that_an_import_starts_does_not_end_at_ctrl_c() -> None:
+    """MuJoCo's import asks a library for its version in one, for a tenth of a second."""
+    with pytest.raises(KeyboardInterrupt), interrupts_blocked():  # noqa: PT012
+        child = subprocess.Popen([sys.executable, "-c", "print('done')"], stdout=subprocess.PIPE, text=True)
+        child.send_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        out, _ = child.communicate(timeout=PATIENCE_S)
+    assert (child.returncode, out) == (0, "done\n")
