@@ -61,6 +61,20 @@ class Bins:
         times = {name: trial.time[trial.used[name]] for name in rows}
         return Bins(rows, times, counts, np.array([i for _, i in keys]), time, blocks, sums / counts)
 
+    def until(self, gait_time: float) -> Bins:
+        """Return the rows of the bins whose middle comes before a gait time, s."""
+        count = int(np.searchsorted(self.time, gait_time))
+        kept = {name: int(np.searchsorted(row, count)) for name, row in self.rows.items()}
+        return Bins(
+            {name: row[: kept[name]] for name, row in self.rows.items()},
+            {name: time[: kept[name]] for name, time in self.sample_times.items()},
+            self.counts[:count],
+            self.signal[:count],
+            self.time[:count],
+            self.blocks[:count],
+            self.measured[:count],
+        )
+
     def means(self, trajectory: Trajectory, offset: float) -> Array:
         """Return a prediction averaged over each row, m or rad, shape (n,).
 

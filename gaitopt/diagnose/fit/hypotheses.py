@@ -80,6 +80,12 @@ class Hypothesis:
         return self.effect.log_prior(self.value(coordinate), self.nominal)
 
     @property
+    def log_target_share(self) -> float:
+        """Logarithm of the target's share of the effect's prior probability."""
+        kind, channels = self.effect.target, len(self.nominal.channels)
+        return {"none": 0.0, "any": -math.log(channels + 1.0), "one": -math.log(channels)}[kind]
+
+    @property
     def measurement_only(self) -> bool:
         """Whether the effect changes only the measurement, so that nothing needs to be simulated."""
         return not self.effect.changes_robot

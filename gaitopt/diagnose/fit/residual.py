@@ -26,6 +26,7 @@ from gaitopt.diagnose.fit.covariance import measurement_covariance, robot_covari
 from gaitopt.diagnose.fit.settings import WHITENING, WhiteningSettings
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floors
+from gaitopt.diagnose.gap.predict import latest_gait_time
 from gaitopt.robot.signals import is_position
 from gaitopt.robot.trajectory import Trajectory
 
@@ -97,6 +98,15 @@ class WhitenedTrial:
         return WhitenedTrial(aligned, bins, whitener, measurement, settings)
 
     @property
+    def latest_s(self) -> float:
+        """Latest gait time that a comparison needs, s."""
+        settings, trial = self.settings, self.aligned.trial
+        if trial.starts_at_s is not None:
+            return latest_gait_time(trial)
+        moved = settings.offset_steps * settings.offset_max_blocks * trial.drive.block_s
+        return min(float(self.aligned.time[-1]) + moved, latest_gait_time(trial))
+
+    @property
     def n_rows(self) -> int:
         """Number of rows."""
         return len(self.bins.counts)
@@ -145,6 +155,24 @@ class WhitenedTrial:
         whole = cholesky(factor @ factor.T + further, lower=True)
         whitener = np.ascontiguousarray(solve_triangular(whole, np.eye(self.n_rows), lower=True))
         return replace(self, whitener=whitener, measurement=self.measurement + further)
+
+    def head(self, seconds: float) -> WhitenedTrial:
+        """Return the beginning of the trial: a part of it as long as this or as one block, s.
+
+        Rows are in order of time, and each is whitened by the rows before it, so they stay as they are.
+        """
+        longest = max(seconds, self.aligned.trial.drive.block_s)
+        bins = self.bins.until(float(self.aligned.time[0]) + longest)
+        ends = [time[-1] for time in bins.sample_times.values() if len(time)]
+        count = int(np.searchsorted(self.aligned.trial.time, max(ends), side="right"))
+        rows = slice(len(bins.counts))
+        return replace(
+            self,
+            aligned=self.aligned.first(count),
+            bins=bins,
+            whitener=np.ascontiguousarray(self.whitener[rows, rows]),
+            measurement=self.measurement[rows, rows],
+        )
 
     def compare(self, trajectory: Trajectory) -> TrialResiduals | None:
         """Return the trial compared with a prediction; None where the simulation failed."""

@@ -44,6 +44,32 @@ class SingleResponses:
                         found.append((at, self._sum(robot, one, at)))
         return found
 
+    def likest(
+        self, robot: Comparison, other: Comparison, hypothesis: Hypothesis
+    ) -> tuple[float, Comparison | None, float]:
+        """Return where an effect, added to a robot, comes closest to another robot.
+
+        Args:
+            robot: the trials compared with the robot.
+            other: the trials compared with the other one.
+            hypothesis: the effect.
+
+        Returns:
+            Its coordinate; the expected robot, None where the effect was not simulated; and the cosine
+            between what it changes and the difference of the robots.
+        """
+        wanted = other.whitened - robot.whitened
+        best: tuple[float, Comparison | None, float] = (hypothesis.neutral, None, 0.0)
+        least = np.inf
+        for at, expected in self.beside(robot, hypothesis):
+            change = expected.whitened - robot.whitened
+            apart = float(np.sum((change - wanted) ** 2))
+            if apart < least:
+                least = apart
+                sizes = float(np.linalg.norm(change) * np.linalg.norm(wanted))
+                best = (at, expected, float(change @ wanted) / max(sizes, 1e-12))
+        return best
+
     def _sum(self, robot: Comparison, one: Comparison, at: float) -> Comparison:
         return replace(
             robot,

@@ -18,7 +18,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
-from gaitopt.diagnose.gap.predict import Run, predict_runs, runs_of
+from gaitopt.diagnose.gap.predict import Run, predict_runs
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.effects.active import Values
 from gaitopt.problem.model import carrying
@@ -201,7 +201,7 @@ class _Batch:
         trial_set, cache, comparison = self._trial_set, self._runner.cache, None
         if predictions is not None:
             trials = [one.aligned.trial for one in trial_set.trials]
-            comparison = trial_set.compare(pending.at, _for_trials(predictions, runs_of(trials), trials))
+            comparison = trial_set.compare(pending.at, _for_trials(predictions, trial_set.runs, trials))
         if comparison is not None and cache is not None:
             arrays = (comparison.whitened, comparison.marker, comparison.angles)
             cache.write(
@@ -259,7 +259,7 @@ def _with_measurement_effects(trial_set: TrialSet, request: RobotRequest) -> Com
 
 def _work_of(trial_set: TrialSet) -> tuple[list[Run], list[str]]:
     trials = [one.aligned.trial for one in trial_set.trials]
-    return list(runs_of(trials).values()), _signals(trials)
+    return list(trial_set.runs.values()), _signals(trials)
 
 
 def _signals(trials: Iterable[Trial]) -> list[str]:

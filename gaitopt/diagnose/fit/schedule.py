@@ -38,33 +38,59 @@ def fit_all(
         One fit for each hypothesis, in order.
     """
     fits = [Fit.of(hypothesis, trial_set, nominal, settings) for hypothesis in hypotheses]
-    screened = [(fit, at) for fit in fits for at in fit.hypothesis.screened(settings)]
-    most = len(screened) + sum(min(most, len(fits)) for most in settings.rounds)
-    stage = runner.stage(FITTING, most)
-    _simulate(screened, stage)
-    _refine(fits, len(nominal.whitened), stage, settings)
-    finish(fits, runner, settings)
+    complete(fits, runner, settings)
     return fits
 
 
-def _refine(fits: Sequence[Fit], rows: int, stage: Stage, settings: FitSettings) -> None:
-    """Simulate the fits that look best where they look best, in rounds.
+def complete(fits: Sequence[Fit], runner: Runner, settings: FitSettings = FIT) -> None:
+    """Screen every hypothesis where it was not simulated, then fit those that have a chance, in rounds."""
+    _fit(fits, [(fit, at) for fit in fits for at in fit.unscreened()], runner, settings)
+
+
+def fit_leading(
+    trial_set: TrialSet,
+    nominal: Comparison,
+    heads: Sequence[Fit],
+    runner: Runner,
+    settings: FitSettings = FIT,
+) -> list[Fit]:
+    """Fit those hypotheses to whole trials that may explain their beginnings; nothing is known of the others.
 
     Args:
-        fits: the fits.
-        rows: whitened rows: the loss of a correct model.
-        stage: simulates robots.
-        settings: the rounds.
+        trial_set: the trials.
+        nominal: the trials compared with the nominal robot.
+        heads: the fits to their beginnings.
+        runner: simulates robots.
+        settings: how effects are fitted.
+
+    Returns:
+        One fit for each of `heads`, in order.
     """
+    fits = [Fit.of(head.hypothesis, trial_set, nominal, settings) for head in heads]
+    leading = _leading(heads, settings.hopeless_head)[: settings.leading_head]
+    chosen = [fits[i] for i in leading]
+    _fit(chosen, [(fits[i], at) for i in leading for at in heads[i].around_best()], runner, settings)
+    free = [fit for fit in fits if fit.hypothesis.measurement_only and fit not in chosen]
+    _fit(free, [(fit, at) for fit in free for at in fit.unscreened()], runner, settings)
+    return fits
+
+
+def _fit(
+    fits: Sequence[Fit], first: Sequence[tuple[Fit, float]], runner: Runner, settings: FitSettings
+) -> None:
+    """Simulate fits at some coordinates, then those that have a chance in rounds."""
+    stage = runner.stage(FITTING, len(first) + sum(min(most, len(fits)) for most in settings.rounds))
+    _simulate(first, stage)
+    _refine(fits, stage, settings)
+    finish(fits, runner, settings)
+
+
+def _refine(fits: Sequence[Fit], stage: Stage, settings: FitSettings) -> None:
+    """Simulate the fits that look best where they look best, in rounds."""
     planned = [min(most, len(fits)) for most in settings.rounds]
     for number, most in enumerate(settings.rounds):
-        losses = [float(fit.loss().sum()) for fit in fits]
         hopeless = settings.hopeless[min(number, len(settings.hopeless) - 1)]
-        limit = hopeless * max(min(losses, default=0.0), rows)
-        order = np.argsort(losses, kind="stable")
-        leading = [
-            fits[i] for i in order if losses[i] <= limit or fits[i].cosine(fits[order[0]]) >= settings.alike
-        ]
+        leading = [fits[i] for i in _leading(fits, hopeless)]
         wanted = [(fit, fit.next_coordinate()) for fit in leading[:most]]
         work = [(fit, at) for fit, at in wanted if at is not None]
         stage.spare(planned[number] - len(work))
@@ -72,6 +98,22 @@ def _refine(fits: Sequence[Fit], rows: int, stage: Stage, settings: FitSettings)
             stage.spare(sum(planned[number + 1 :]))
             break
         _simulate(work, stage)
+
+
+def _leading(fits: Sequence[Fit], hopeless: float) -> list[int]:
+    """Return which fits have a chance, the best first.
+
+    Args:
+        fits: the fits.
+        hopeless: a fit has none that leaves this many times the least loss, or what a correct model leaves.
+    """
+    if not fits:
+        return []
+    losses = [float(fit.loss().sum()) for fit in fits]
+    limit = hopeless * max(min(losses), len(fits[0].comparisons[0].whitened))
+    order = np.argsort(losses, kind="stable").tolist()
+    best = fits[order[0]]
+    return [i for i in order if losses[i] <= limit or fits[i].cosine(best) >= fits[i].settings.alike]
 
 
 def finish(fits: Sequence[Fit], runner: Runner, settings: FitSettings = FIT) -> None:
@@ -82,7 +124,7 @@ def finish(fits: Sequence[Fit], runner: Runner, settings: FitSettings = FIT) -> 
     stage = runner.stage(FINISHING)
     for number in range(settings.finish_rounds_measurement):
         losses = [float(fit.loss().sum()) for fit in fits]
-        limit = settings.leading * min(losses)
+        limit = settings.leading * min(losses, default=0.0)
         leading = [fit for fit, loss in zip(fits, losses, strict=True) if loss <= limit]
         wanted = [(fit, _to_finish(fit, number, settings)) for fit in leading]
         work = [(fit, at) for fit, at in wanted if at is not None]

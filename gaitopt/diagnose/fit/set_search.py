@@ -97,6 +97,7 @@ class SetSearch:
             best = grown
         if best.hypotheses and self._falls_short(best):
             self._all_together(best)
+        self._fit_twins()
         self._finish()
         return self.ranked
 
@@ -321,6 +322,29 @@ class SetSearch:
             others = [h for h in self.hypotheses if h.effect.name not in one.effects]
             found += [beside for beside, _ in self._promising(one, others, responses)]
         return found
+
+    def _fit_twins(self) -> None:
+        """Fit the best set with each effect replaced by others that do nearly the same."""
+        best = self.ranked[0]
+        if self.responses is not None and best.hypotheses:
+            twins = self._simulated(self._twins(best, self.responses))
+            if twins:
+                self._fitted(twins, self.settings.twins)
+
+    def _twins(self, fit: SetFit, responses: SingleResponses) -> list[SetFit]:
+        """Return the sets in which an effect gave way to one that alone does nearly the same."""
+        found: dict[frozenset[str], tuple[float, SetFit]] = {}
+        for smaller in self._simulated([self.fitter.without_effect(fit, i) for i in self._droppable(fit)]):
+            for h in self.hypotheses:
+                if h.effect.name in fit.effects:
+                    continue
+                at, robot, cosine = responses.likest(smaller.robot, fit.robot, h)
+                if robot is not None and cosine >= self.settings.alike:
+                    beside = self._beside(smaller, h, at, robot)
+                    if beside.names not in self.found:
+                        found[beside.names] = (-cosine, beside)
+        ordered = sorted(found.values(), key=lambda one: one[0])
+        return [beside for _, beside in ordered[: self.settings.twins]]
 
     def _finish(self) -> None:
         """Fit the leading sets well, so that sets are compared by what they can do."""

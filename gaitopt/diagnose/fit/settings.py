@@ -71,6 +71,12 @@ class FitSettings:
         close: mean square by which the residual of a leading fit may differ from that of the nearest
             simulated robot.
         leading: fits that leave at most this many times the least loss are finished until they are `close`.
+        head_s: length of the beginnings of trials to which all effects are fitted first, s; a block at least.
+        head_share: that pays if it takes at most this share of the simulated time,
+        visible: and if the nominal robot leaves this mean whitened square there at least.
+        hopeless_head: an effect is not fitted to whole trials that leaves this many times the least loss of
+            their beginnings.
+        leading_head: effects that are fitted to whole trials, at most.
         finish_rounds: rounds of finishing at most.
         finish_rounds_measurement: the same for effects of the measurement.
     """
@@ -87,6 +93,11 @@ class FitSettings:
     aside_tolerances: float = 4.0
     close: float = 0.01
     leading: float = 1.5
+    head_s: float = 3.0
+    head_share: float = 0.6
+    visible: float = 5.0
+    hopeless_head: float = 12.0
+    leading_head: int = 24
     finish_rounds: int = 4
     finish_rounds_measurement: int = 20
 
@@ -246,6 +257,8 @@ class SetSettings:
         dropped: sets with one effect less that are fitted, at most.
         swapped: sets with one effect exchanged that are fitted, at most.
         exchanges: number of exchanges after an addition, at most.
+        alike: cosine from which an effect does nearly the same as one of the best set: it takes its place in
+        twins: this many such sets at most.
         leading: sets that score at most this much worse than the best are finished,
         finished: at most this many of them,
         finish_rounds: in this many rounds.
@@ -298,6 +311,8 @@ class SetSettings:
     dropped: int = 1
     swapped: int = 4
     exchanges: int = 2
+    alike: float = 0.85
+    twins: int = 3
     leading: float = 12.0
     finished: int = 2
     finish_rounds: int = 2

@@ -179,6 +179,18 @@ class Fit:
         changes: Array = np.stack([one.whitened for one in self.comparisons]) - neutral.whitened
         return changes
 
+    def unscreened(self) -> list[float]:
+        """Return the coordinates at which the hypothesis is tried first and was not simulated yet."""
+        tried = self.hypothesis.screened(self.settings)
+        known, same = [*self.coordinates.tolist(), *self.failed], _SAME * self._width
+        return [at for at in tried if min(abs(at - one) for one in known) > same]
+
+    def around_best(self) -> list[float]:
+        """Return where the least loss is, and the simulated robots beside it; not the neutral one."""
+        known, best, same = self.coordinates, self.best(), _SAME * self._width
+        found = [*known[known < best - same][-1:], best, *known[known > best + same][:1]]
+        return [float(at) for at in found if abs(at - self.hypothesis.neutral) > same]
+
     def next_coordinate(self) -> float | None:
         """Return the coordinate to simulate next, or None where that would show nothing new."""
         at = self._next() if len(self.comparisons) > 1 else None

@@ -16,6 +16,7 @@ from scipy.linalg import solve_triangular
 
 from gaitopt.diagnose.fit.products import RowBlocks
 from gaitopt.diagnose.fit.residual import WhitenedTrial
+from gaitopt.diagnose.gap.predict import Run, runs_of
 from gaitopt.problem.problem import Problem
 from gaitopt.robot.signals import is_position
 from gaitopt.robot.trajectory import Trajectory
@@ -118,6 +119,11 @@ class TrialSet:
         return self.simulator.problem
 
     @property
+    def runs(self) -> dict[str, Run]:
+        """What a robot has to do to be compared with them, by the drive's key."""
+        return runs_of([one.aligned.trial for one in self.trials], [one.latest_s for one in self.trials])
+
+    @property
     def n_blocks(self) -> int:
         """Number of blocks."""
         return len(self.block_trials)
@@ -206,6 +212,13 @@ class TrialSet:
     def log_determinant(self) -> float:
         """Logarithm of the determinant of the covariance of all trials, relative to the first one."""
         return -2.0 * sum(float(np.log(np.diag(update)).sum()) for update in self.updates)
+
+    def head(self, seconds: float) -> TrialSet:
+        """Return the beginnings of the trials, each as long as this or as one block, s."""
+        heads = TrialSet.of(self.simulator, [one.head(seconds) for one in self.trials], self.nominal)
+        sizes = [one.n_rows for one in heads.trials]
+        updates = tuple(update[:n, :n] for update, n in zip(self.updates, sizes, strict=False))
+        return replace(heads, updates=updates, label=f"{self.label}head of {seconds} s ")
 
     def with_covariance_of(self, changes: Array) -> TrialSet:
         """Return the trials with the covariance from some perturbed robots.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -16,6 +17,9 @@ from gaitopt.robot.trajectory import Trajectory
 
 LONGEST_OFFSET_S = 2.0
 """Longest offset between the clocks of a log of commands and of a recording, s."""
+
+_LEAST_SQUARE = 1e-5
+"""Mean squared difference of a signal, in its spread, below which no simulation is exact."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,18 @@ class Aligned:
     predicted: Mapping[str, Series]
     residual: Mapping[str, Series]
 
+    def first(self, count: int) -> Aligned:
+        """Return the trial with its first samples alone."""
+        predicted = {name: series[:count] for name, series in self.predicted.items()}
+        residual = {name: series[:count] for name, series in self.residual.items()}
+        return replace(
+            self,
+            trial=self.trial.first(count),
+            time=self.time[:count],
+            predicted=predicted,
+            residual=residual,
+        )
+
     def rms(self, signal: str) -> float:
         """Return the RMS of a signal's residual, m or rad."""
         return float(np.sqrt(np.nanmean(self.residual[signal] ** 2)))
@@ -60,9 +76,9 @@ def align(trial: Trial, simulated: Trajectory, settings: AlignSettings = DEFAULT
     """Return a trial aligned with a prediction, its origin and its offset in time fitted.
 
     The origin of the marker's coordinates is free, that of angles is not. Where the gait time of the
-    recording's start is unknown, offsets within `longest_offset` are tried. The best one leaves the least
-    squared residual about a line, so that a difference in speed does not matter. All signals weigh the same,
-    each scaled by its own spread.
+    recording's start is unknown, offsets within `longest_offset` are tried. The best one makes the signals
+    most probable about a line, so that a difference in speed does not matter. The size of each signal's error
+    is unknown, so a joint that follows its commands tells more than a marker that drifts to one side.
 
     Args:
         trial: the trial.
@@ -87,7 +103,7 @@ def align(trial: Trial, simulated: Trajectory, settings: AlignSettings = DEFAULT
 
 def best_offset(trial: Trial, simulated: Trajectory, settings: AlignSettings = DEFAULT.align) -> float:
     """Return the gait time at the recording's zero that fits best, s."""
-    cost = _Unlike(trial, simulated).total
+    cost = _Unlike(trial, simulated).improbability
     longest = longest_offset(trial)
     offsets = np.linspace(-longest, longest, settings.offsets)
     best = int(np.argmin([cost(offset) for offset in offsets.tolist()]))
@@ -120,10 +136,20 @@ class _Unlike:
 
     def total(self, offset: float) -> float:
         """Return the sum over the signals."""
-        return sum(
+        return sum(self._squares(offset))
+
+    def improbability(self, offset: float) -> float:
+        """Return minus twice the logarithm of the probability of a sample, up to a constant.
+
+        Errors are taken to be Gaussian and as large as they are found to be, in each signal by itself.
+        """
+        return sum(math.log(max(square, _LEAST_SQUARE)) for square in self._squares(offset))
+
+    def _squares(self, offset: float) -> list[float]:
+        return [
             float(np.mean((measured - without_line(time, np.interp(time + offset, self._time, s))) ** 2))
             for time, measured, s in self._terms
-        )
+        ]
 
 
 def longest_offset(trial: Trial) -> float:

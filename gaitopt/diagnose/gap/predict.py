@@ -73,13 +73,18 @@ class Run:
     duration_s: float
 
 
-def runs_of(trials: Sequence[Trial]) -> dict[str, Run]:
-    """Return the distinct runs of some trials by the drive's key, each as long as its longest trial needs."""
+def runs_of(trials: Sequence[Trial], latest_s: Sequence[float] | None = None) -> dict[str, Run]:
+    """Return the distinct runs of some trials by the drive's key, each as long as its longest trial needs.
+
+    Args:
+        trials: the trials.
+        latest_s: the latest gait time of each, s; by default the latest that it may have.
+    """
     runs: dict[str, Run] = {}
-    for trial in trials:
-        key, duration = trial.drive.key, latest_gait_time(trial)
-        if key not in runs or duration > runs[key].duration_s:
-            runs[key] = Run(trial.drive, duration)
+    for trial, latest in zip(trials, latest_s or [latest_gait_time(trial) for trial in trials], strict=True):
+        key = trial.drive.key
+        if key not in runs or latest > runs[key].duration_s:
+            runs[key] = Run(trial.drive, latest)
     return runs
 
 

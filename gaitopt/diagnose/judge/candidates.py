@@ -7,7 +7,6 @@ trial that does not show an effect is no evidence against it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -128,7 +127,7 @@ class Candidate:
     @property
     def log_target_share(self) -> float:
         """Logarithm of the targets' share of their effects' prior probability."""
-        return sum(_log_target_share(one) for one in self.hypotheses)
+        return sum(one.log_target_share for one in self.hypotheses)
 
     def left(self, trial_set: TrialSet) -> float:
         """Return the mean whitened square that is left of held-out data, in the worst trial.
@@ -151,11 +150,6 @@ class Candidate:
         a, b = nominal.whitened - self.whitened, nominal.whitened - other.whitened
         size = float(np.linalg.norm(a) * np.linalg.norm(b))
         return abs(float(a @ b)) / size if size > 0.0 else 0.0
-
-
-def _log_target_share(hypothesis: Hypothesis) -> float:
-    kind, channels = hypothesis.effect.target, len(hypothesis.nominal.channels)
-    return {"none": 0.0, "any": -math.log(channels + 1.0), "one": -math.log(channels)}[kind]
 
 
 def heldout(trial_set: TrialSet, blocks: Indices, fitted: Callable[[Array | None], Array]) -> Array:

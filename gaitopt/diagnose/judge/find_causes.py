@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.diagnose.fit.heads import head_of
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.pair_search import PairSearch
 from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.diagnose.fit.runner import FITTING_PAIRS
-from gaitopt.diagnose.fit.schedule import fit_all
+from gaitopt.diagnose.fit.schedule import complete, fit_all, fit_leading
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floors
@@ -135,23 +136,59 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
     if before <= settings.verdict.no_gap and uneven <= settings.verdict.uneven:
         nothing = np.empty((0, len(trial_set.row_blocks)))
         return Causes(judgement, Verdict("no_gap"), None, nothing, uneven, context.seed)
-    fits = fit_all(trial_set, hypotheses, nominal, context.runner, settings.fit)
-    wide = replace(judgement, fits=tuple(fits))
-    if not wide.singles:
-        raise GaitoptError("no effect can be tried: the simulation of every robot that has one fails")
+    first = _fitted_alone(judgement, hypotheses, context)
+    tolerant = with_tolerances(first, context) if falls_short(first) else None
+    if tolerant is not None and _likelier(tolerant, log_evidence(first, 2), 2):
+        return _explained_by_several(tolerant, judgement, gap, hypotheses, context)
+    wide = _fitted_to_whole_trials(judgement, first, context)
     short = falls_short(wide)
-    tolerant = with_tolerances(wide, context) if short else wide
-    if short and _likelier(tolerant, log_evidence(wide, 2), 2):
-        return _explained_by_several(tolerant, gap, hypotheses, context)
     found = _explained(wide.refine_covariance(context), gap, trial_set, context)
     if falls_short(found.judgement):
         # By the first covariance: effects that do not explain the gap must not decide how it is whitened.
         found = _explained_by_two(wide, gap, trial_set, context) or found
     concluded = _concluded(found, gap, before <= settings.verdict.faint_gap, context)
-    vague = concluded.verdict in ("partly_explained", "unexplained")
-    if short and vague and _likelier(tolerant, log_evidence_of(found.judgement.first, found.judgement)):
-        return _explained_by_several(tolerant, gap, hypotheses, context)
+    if short and concluded.verdict in ("partly_explained", "unexplained"):
+        tolerant = with_tolerances(wide, context)
+        if _likelier(tolerant, log_evidence_of(found.judgement.first, found.judgement)):
+            return _explained_by_several(tolerant, tolerant, gap, hypotheses, context)
     return concluded
+
+
+def _fitted_alone(judgement: Judgement, hypotheses: Sequence[Hypothesis], context: Context) -> Judgement:
+    """Return the trials' beginnings, or the whole trials if these tell too little, with single effects.
+
+    Raises:
+        GaitoptError: no robot with an effect can be simulated.
+    """
+    runner, settings = context.runner, context.settings.fit
+    head = head_of(judgement.trial_set, settings)
+    trial_set, nominal = head or (judgement.trial_set, judgement.nominal)
+    fits = fit_all(trial_set, hypotheses, nominal, runner, settings)
+    fitted = replace(judgement, trial_set=trial_set, nominal=nominal, fits=tuple(fits))
+    if not fitted.singles:
+        raise GaitoptError("no effect can be tried: the simulation of every robot that has one fails")
+    return fitted
+
+
+def _fitted_to_whole_trials(judgement: Judgement, first: Judgement, context: Context) -> Judgement:
+    """Return the whole trials with fits of those single effects that may explain the beginnings.
+
+    Where none of them explains the trials, all effects are fitted.
+
+    Args:
+        judgement: the trials.
+        first: their beginnings with fits of single effects, or they themselves.
+        context: simulates robots.
+    """
+    if first.n_rows == judgement.n_rows:
+        return first
+    runner, settings = context.runner, context.settings.fit
+    fits = fit_leading(judgement.trial_set, judgement.nominal, first.fits, runner, settings)
+    wide = replace(judgement, fits=tuple(fits))
+    if wide.singles and not falls_short(wide):
+        return wide
+    complete(fits, runner, settings)
+    return replace(judgement, fits=tuple(fits))
 
 
 def _likelier(tolerant: Judgement, other: float, most: int = 1) -> bool:
@@ -166,17 +203,23 @@ def _likelier(tolerant: Judgement, other: float, most: int = 1) -> bool:
 
 
 def _explained_by_several(
-    tolerant: Judgement, gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Context
+    tolerant: Judgement,
+    wide: Judgement,
+    gap: NominalGap,
+    hypotheses: Sequence[Hypothesis],
+    context: Context,
 ) -> Causes:
     """Return the answer from sets of effects of any size on robots that are a little wrong in everything.
 
     Args:
-        tolerant: every candidate of one effect, by the covariance of the tolerances.
+        tolerant: every candidate of one effect, by the covariance of the tolerances; for the trials, or for
+            their beginnings.
+        wide: the candidates of one effect for whole trials.
         gap: the trials aligned with the nominal robot.
         hypotheses: the effects to try, each on its targets.
         context: simulates robots.
     """
-    judgement, judged = judged_by_gait_sets(tolerant, gap.floors, hypotheses, context)
+    judgement, judged = judged_by_gait_sets(tolerant, wide, gap.floors, hypotheses, context)
     return _concluded_sets(judgement, judged, gap, len(hypotheses), context)
 
 

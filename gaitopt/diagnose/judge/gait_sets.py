@@ -21,7 +21,7 @@ from gaitopt.diagnose.fit.robust import WideLoss
 from gaitopt.diagnose.fit.runner import FITTING_SETS, RobotRequest
 from gaitopt.diagnose.fit.set_fit import Point, SetFit
 from gaitopt.diagnose.fit.set_search import SetSearch
-from gaitopt.diagnose.fit.single import Residual, robot_request
+from gaitopt.diagnose.fit.single import Fit, Residual, robot_request
 from gaitopt.diagnose.fit.trials import Comparison, Indices, TrialSet
 from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.judge.candidates import Candidate, heldout
@@ -124,25 +124,66 @@ def _log_evidence(trial_set: TrialSet, whitened: Array) -> float:
 
 
 def judged_by_gait_sets(
-    judgement: Judgement, floors: Sequence[Floors], hypotheses: Sequence[Hypothesis], context: Context
+    tolerant: Judgement,
+    wide: Judgement,
+    floors: Sequence[Floors],
+    hypotheses: Sequence[Hypothesis],
+    context: Context,
 ) -> tuple[Judgement, JudgedSets]:
-    """Return a judgement with sets of effects, and the sets.
+    """Return a judgement of whole trials with sets of effects, and the sets.
 
-    The first search is by the covariance about the nominal robot, the second by that about the best set.
+    The first search is by the covariance about the nominal robot, the second by that about the best set. The
+    first may have the trials' beginnings alone: then the second tries only effects that the first promised.
 
     Args:
-        judgement: the trials and the fits of single effects, by the covariance of `with_tolerances`.
+        tolerant: the trials, or their beginnings, and the fits of single effects, by the covariance of
+            `with_tolerances`.
+        wide: the whole trials, by any covariance.
         floors: floor of each signal of each trial.
         hypotheses: the effects to try, each on its targets.
         context: simulates robots; settings.
     """
     known = Simulated()
-    judge, fits = _searched(judgement, hypotheses, (), known, context)
-    if fits[0].hypotheses:
-        judgement = with_tolerances(judgement, context, fits[0].point)
-        judge, fits = _searched(judgement, hypotheses, fits[0].point, known, context)
+    judge, fits = _searched(tolerant, hypotheses, (), known, context)
+    begun = tolerant.n_rows < wide.n_rows
+    if begun:
+        wide = _with_fits_of(wide, fits, tolerant.fits, context)
+        hypotheses = [fit.hypothesis for fit in wide.fits if len(fit.comparisons) > 1]
+    if begun or fits[0].hypotheses:
+        tolerant = with_tolerances(wide, context, fits[0].point)
+        known = Simulated() if begun else known
+        judge, fits = _searched(tolerant, hypotheses, fits[0].point, known, context)
     judged = _judged(judge, fits, known, floors)
-    return replace(judgement, sets=judged), judged
+    return replace(tolerant, sets=judged), judged
+
+
+def _with_fits_of(
+    wide: Judgement, fits: Sequence[SetFit], heads: Sequence[Fit], context: Context
+) -> Judgement:
+    """Return whole trials with each effect alone that some sets have, as far as the best of them has it.
+
+    Args:
+        wide: the trials.
+        fits: sets that were fitted to the trials' beginnings, the best first.
+        heads: the fits of single effects to the beginnings.
+        context: simulates robots; settings.
+    """
+    points: dict[str, tuple[Hypothesis, float]] = {}
+    for fit in fits:
+        for hypothesis, at in fit.point:
+            points.setdefault(
+                hypothesis.name, (hypothesis, float(np.clip(at, hypothesis.low, hypothesis.high)))
+            )
+    alone = [*points.values()][: context.settings.gait_sets.promising]
+    initial, stage = wide.trial_set.initial, context.runner.stage(FITTING_SETS)
+    robots = stage(initial, [robot_request([point]) for point in alone])
+    named = {point[0].name: robot for point, robot in zip(alone, robots, strict=True)}
+    own = [Fit.of(head.hypothesis, wide.trial_set, wide.nominal, head.settings) for head in heads]
+    for single in own:
+        robot = named.get(single.hypothesis.name)
+        if robot is not None:
+            single.add(float(robot.at[0]), wide.trial_set.rewhiten(robot, initial))
+    return replace(wide, fits=tuple(own))
 
 
 def _searched(
@@ -239,8 +280,7 @@ def _candidate(judge: SetJudge, fit: SetFit, known: Simulated) -> Candidate:
 
 def _minus_log(judge: SetJudge, fit: SetFit) -> float:
     """Return minus twice the logarithm of a set's posterior weight, up to a constant."""
-    channels = [len(h.nominal.channels) for h in fit.hypotheses if h.effect.target != "none"]
-    return judge.fitter.score(fit) + 2.0 * sum(math.log(count + 1.0) for count in channels)
+    return judge.fitter.score(fit) - 2.0 * sum(h.log_target_share for h in fit.hypotheses)
 
 
 def _moves(judge: SetJudge, fit: SetFit, floors: Sequence[Floors]) -> dict[str, float]:

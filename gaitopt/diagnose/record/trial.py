@@ -81,6 +81,12 @@ class Trial:
         keep = self.used[signal]
         return self.time[keep], self.signals[signal][keep]
 
+    def first(self, count: int) -> Trial:
+        """Return the trial with its first samples alone."""
+        signals = {name: series[:count] for name, series in self.signals.items()}
+        used = {name: keep[:count] for name, keep in self.used.items()}
+        return replace(self, time=self.time[:count], signals=signals, used=used)
+
     def masked(self, flags: Flags, signals: Collection[str] | None = None) -> Trial:
         """Return the trial without some samples, of every signal or of those named."""
         used = {

@@ -63,3 +63,23 @@ def test_a_search_that_sets_out_from_a_wrong_set_leaves_it() -> None:
 
 def test_nothing_is_found_where_nothing_is_wrong() -> None:
     assert not search(bench({}, 4)).run()[0].hypotheses
+
+
+def test_an_effect_that_does_nearly_the_same_is_fitted_in_place_of_a_found_one() -> None:
+    """So that a reader learns of it: neither fits much better."""
+    rig = bench({"effect_0": 0.5, "effect_4": 0.3}, 2)
+    own, aside = rig.responses["effect_0"], rig.responses["effect_7"]
+    rig.responses["effect_8"] = lambda value: own(value) + 0.2 * aside(value)
+    found = search(rig, begin=("effect_0", "effect_4"))
+    found.run()
+    assert frozenset({"effect_8", "effect_4"}) in found.found
+
+
+def test_the_likest_robot_is_that_of_the_nearest_value() -> None:
+    rig = bench({}, 3)
+    h, other = rig.hypotheses[0], rig.hypotheses[1]
+    wanted = rig.compared(robot_request([(h, 0.55)]))
+    at, robot, cosine = responses(rig).likest(rig.nominal, wanted, h)
+    assert (at, robot is not None) == (0.6, True)
+    assert cosine == pytest.approx(1.0, abs=0.01)
+    assert abs(responses(rig).likest(rig.nominal, wanted, other)[2]) < 0.3

@@ -30,3 +30,20 @@ def test_residuals_are_linear_between_robots() -> None:
         mixed, _ = fit.line(float(at))
         assert loss == pytest.approx(float(mixed @ mixed))
         assert product == pytest.approx(float(mixed @ row))
+
+
+def test_the_best_value_is_taken_with_the_robots_beside_it() -> None:
+    measured, slope = np.full(8, 0.7), np.ones(8)
+    fit = toy_fit(toy_trials(8, 2), measured, lambda a: a * slope, (0.0, 0.2, 0.6, 1.0))
+    assert fit.around_best() == pytest.approx([0.6, 0.7, 1.0], abs=0.02)
+    at_end = toy_fit(toy_trials(8, 2), 2.0 * measured, lambda a: a * slope, (0.0, 0.2, 0.6, 1.0))
+    assert at_end.around_best() == [0.6, 1.0]
+    nothing = toy_fit(toy_trials(8, 2), 0.0 * measured, lambda a: a * slope, (0.0, 0.2, 0.6, 1.0))
+    assert nothing.around_best() == [0.2]  # not the neutral robot, which is known
+
+
+def test_what_was_simulated_is_not_screened_again() -> None:
+    fit = toy_fit(toy_trials(8, 2), np.ones(8), lambda a: a * np.ones(8), (0.0, 0.6))
+    assert fit.unscreened() == pytest.approx([0.2, 1.0])
+    fit.add(1.0, None)
+    assert fit.unscreened() == pytest.approx([0.2])

@@ -9,7 +9,10 @@ from planting import SIGNALS, dataset, recording_of, rollout
 
 from gaitopt.diagnose.diagnosis import locate
 from gaitopt.diagnose.fit.cache import SimulationCache
+from gaitopt.diagnose.fit.heads import head_of
 from gaitopt.diagnose.fit.runner import RobotRequest, Runner
+from gaitopt.diagnose.fit.settings import FIT
+from gaitopt.diagnose.gap.predict import latest_gait_time
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.find_causes import NominalGap, PreparedTrials, prepare_trials
 from gaitopt.diagnose.record.dataset import load_dataset
@@ -104,3 +107,60 @@ def test_the_averaging_matrix_gives_the_means_of_each_signal(prepared: PreparedT
     predicted, offset = one.aligned.simulated, one.aligned.offset_s
     parts = [one.bins.averaging(name, predicted.time, offset) @ predicted[name] for name in one.bins.rows]
     np.testing.assert_allclose(np.sum(parts, axis=0), one.bins.means(predicted, offset), atol=1e-12)
+
+
+HEAD_S = 1.5
+
+
+def test_the_beginning_of_a_trial_is_whitened_as_in_the_whole_trial(
+    prepared: PreparedTrials, changes: np.ndarray
+) -> None:
+    """Rows are in order of time, and each is whitened by those before it alone."""
+    whole = prepared.trial_set.with_covariance_of(4.0 * changes)
+    head = whole.head(HEAD_S)
+    request = RobotRequest(SLOPE, (0.05,))
+    runner = Runner(SerialExecutor())
+    (all_rows,), (first_rows,) = runner.compare(whole, [request]), runner.compare(head, [request])
+    assert all_rows is not None
+    assert first_rows is not None
+    count = len(first_rows.whitened)
+    assert count == pytest.approx(len(all_rows.whitened) * HEAD_S / 4.0, rel=0.1)
+    np.testing.assert_allclose(first_rows.whitened, all_rows.whitened[:count], atol=1e-8)
+    (run,) = head.runs.values()
+    assert run.duration_s == pytest.approx(HEAD_S, abs=0.1)
+
+
+def test_the_beginning_is_a_block_at_least(prepared: PreparedTrials) -> None:
+    head = prepared.trial_set.head(0.2)
+    assert head.n_blocks == 1
+    assert head.trials[0].aligned.trial.time[-1] == pytest.approx(1.0, abs=0.1)
+
+
+def test_beginnings_are_taken_where_they_show_the_gap_and_save_time(prepared: PreparedTrials) -> None:
+    ready = prepared.trial_set
+    short = replace(FIT, head_s=1.5, visible=0.0)
+    found = head_of(ready, short)
+    assert found is not None
+    head, nominal = found
+    assert len(nominal.whitened) == len(head.row_blocks) < len(ready.row_blocks)
+    assert head_of(ready, replace(short, visible=50.0)) is None  # the recording is the nominal robot's
+    assert head_of(ready, replace(short, head_s=3.5)) is None
+
+
+def test_no_more_is_simulated_than_an_unknown_start_can_need(prepared: PreparedTrials) -> None:
+    """The fit of an offset goes only some steps, so the end of a longer rollout would never be read."""
+    ready = prepared.trial_set
+    (one,) = ready.trials
+    unknown = replace(one, aligned=replace(one.aligned, trial=replace(one.aligned.trial, starts_at_s=None)))
+    some = replace(ready, trials=(unknown,))
+    (run,) = some.runs.values()
+    assert run.duration_s < latest_gait_time(unknown.aligned.trial)
+    simulator = Simulator.build(ready.problem.with_effects(SLOPE))
+    longer, shorter = (
+        simulator.observe(simulator.run(run.drive, 0, seconds))
+        for seconds in (latest_gait_time(unknown.aligned.trial), run.duration_s)
+    )
+    both = [some.compare([0.05], [path]) for path in (longer, shorter)]
+    assert both[0] is not None
+    assert both[1] is not None
+    np.testing.assert_array_equal(both[0].whitened, both[1].whitened)

@@ -11,6 +11,7 @@ import pytest
 from responses import Servo, commands, recorded
 from walks import GAIT, wave
 
+from gaitopt.core.streams import seeded
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.gap.align import align, longest_offset, pooled_marker_rms
 from gaitopt.diagnose.record.trial import Trial
@@ -25,6 +26,27 @@ def test_an_unknown_offset_is_fitted(diagnosed: Diagnosed, begin: float) -> None
     assert diagnosis.verdict == "no_gap"
     for trial in diagnosis.trials:
         assert trial.aligned.offset_s == pytest.approx(begin, abs=0.005)
+
+
+def test_a_joint_tells_the_start_where_the_marker_drifts_to_one_side() -> None:
+    """The robot rests before the gait begins; one cycle later only that first moment differs.
+
+    A marker that drifts otherwise than simulated has a larger error than a joint, so it tells less.
+    """
+
+    def joint(time: np.ndarray) -> np.ndarray:
+        return np.where(time < 0.0, 0.0, np.abs(np.sin(np.pi * time / GAIT.period_s)))
+
+    def aside(time: np.ndarray) -> np.ndarray:
+        return 0.05 * np.sin(0.9 * time)
+
+    fine, time, begin = np.arange(0.0, 12.0, 1e-3), np.arange(0.0, 8.0, 0.02), -0.24
+    simulated = Trajectory(fine, {"marker.y": aside(fine), "joint.knee": joint(fine)})
+    other = aside(time + begin + GAIT.period_s) + 0.02 * np.sin(2.0 * time)
+    measured = {"marker.y": other, "joint.knee": joint(time + begin)}
+    noisy = {name: series + 1e-3 * seeded(4).standard_normal(len(time)) for name, series in measured.items()}
+    aligned = align(Trial.of("walk", GAIT, time, noisy), simulated)
+    assert aligned.offset_s == pytest.approx(begin, abs=0.01)
 
 
 def test_trials_are_pooled_by_samples() -> None:
