@@ -64,7 +64,7 @@ class SetSearch:
         coarse: fits sets by the errors in shares of the motion.
         proposals: proposes where to try an effect that changes commands in jumps; None where nothing can.
         known: effects that are at work as other evidence says, each at its coordinate: in every set.
-        begin: a set from which the search sets out; from no effect where it is empty.
+        begin: sets from the best of which the search sets out; from no effect where there is none.
         responses: what each effect does alone; with it only effects that promise much beside a set are
             simulated there. None where every effect is tried beside every set.
         found: every set that was fitted, by its effects with their targets.
@@ -77,7 +77,7 @@ class SetSearch:
     coarse: SetFitter
     proposals: Proposals | None = None
     known: Point = ()
-    begin: Point = ()
+    begin: Sequence[Point] = ()
     responses: SingleResponses | None = None
     found: dict[frozenset[str], SetFit] = field(default_factory=dict)
     _first: dict[str, _Tried] = field(default_factory=dict)
@@ -86,8 +86,9 @@ class SetSearch:
     def run(self) -> list[SetFit]:
         """Return the sets that were fitted, the best score first; the empty set is among them."""
         best = self._kept([self.fitter.empty(self.nominal), *self.fitter.placed(self._known_points)])[-1]
-        for begun in self.fitter.placed([self.begin] if self.begin else []):
-            best = self._exchanged(self._pruned(self._kept(self._refined([begun]))[0]))
+        begun = [self._pruned(self._kept(self._refined([one]))[0]) for one in self.fitter.placed(self.begin)]
+        if begun:
+            best = self._exchanged(min(begun, key=self.fitter.score))
         while len(best.hypotheses) < self.settings.most_effects:
             if len(best.hypotheses) >= self.settings.one_by_one and self._falls_short(best):
                 break

@@ -259,6 +259,8 @@ class SetSettings:
         exchanges: number of exchanges after an addition, at most.
         alike: cosine from which an effect does nearly the same as one of the best set: it takes its place in
         twins: this many such sets at most.
+        begun: a second search sets out from so many sets of the first one at most,
+        begun_within: which score at most this much worse than the best.
         leading: sets that score at most this much worse than the best are finished,
         finished: at most this many of them,
         finish_rounds: in this many rounds.
@@ -313,6 +315,8 @@ class SetSettings:
     exchanges: int = 2
     alike: float = 0.85
     twins: int = 3
+    begun: int = 4
+    begun_within: float = 24.0
     leading: float = 12.0
     finished: int = 2
     finish_rounds: int = 2

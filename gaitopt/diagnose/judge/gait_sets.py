@@ -144,7 +144,8 @@ def judged_by_gait_sets(
         context: simulates robots; settings.
     """
     known = Simulated()
-    judge, fits = _searched(tolerant, hypotheses, (), known, context)
+    judge, fits = _searched(tolerant, hypotheses, [], known, context)
+    begin = _beginnings(judge, fits)
     begun = tolerant.n_rows < wide.n_rows
     if begun:
         wide = _with_fits_of(wide, fits, tolerant.fits, context)
@@ -152,15 +153,33 @@ def judged_by_gait_sets(
     if begun or fits[0].hypotheses:
         tolerant = with_tolerances(wide, context, fits[0].point)
         known = Simulated() if begun else known
-        judge, fits = _searched(tolerant, hypotheses, fits[0].point, known, context)
+        judge, fits = _searched(tolerant, hypotheses, begin, known, context)
     judged = _judged(judge, fits, known, floors)
     return replace(tolerant, sets=judged), judged
+
+
+def _beginnings(judge: SetJudge, fits: Sequence[SetFit]) -> list[Point]:
+    """Return the leading sets; not those that only add to a better one.
+
+    Args:
+        judge: the judge of the sets.
+        fits: the sets, the best first.
+    """
+    score, settings = judge.fitter.score, judge.settings
+    chosen: list[SetFit] = []
+    for fit in fits:
+        new = not any(one.names < fit.names for one in chosen)
+        if fit.hypotheses and new and score(fit) <= score(fits[0]) + settings.begun_within:
+            chosen.append(fit)
+    return [fit.point for fit in chosen[: settings.begun]]
 
 
 def _with_fits_of(
     wide: Judgement, fits: Sequence[SetFit], heads: Sequence[Fit], context: Context
 ) -> Judgement:
-    """Return whole trials with each effect alone that some sets have, as far as the best of them has it.
+    """Return whole trials with each effect alone that some sets have.
+
+    It is simulated as far as the best of these sets has it, and as it explains the beginnings best alone.
 
     Args:
         wide: the trials.
@@ -174,22 +193,26 @@ def _with_fits_of(
             points.setdefault(
                 hypothesis.name, (hypothesis, float(np.clip(at, hypothesis.low, hypothesis.high)))
             )
-    alone = [*points.values()][: context.settings.gait_sets.promising]
+    first = [*points.values()][: context.settings.gait_sets.promising]
+    best = {head.hypothesis.name: head.best() for head in heads}
+    alone = {(h.name, at): (h, at) for h, one in first for at in (one, best[h.name]) if at != h.neutral}
     initial, stage = wide.trial_set.initial, context.runner.stage(FITTING_SETS)
-    robots = stage(initial, [robot_request([point]) for point in alone])
-    named = {point[0].name: robot for point, robot in zip(alone, robots, strict=True)}
-    own = [Fit.of(head.hypothesis, wide.trial_set, wide.nominal, head.settings) for head in heads]
-    for single in own:
-        robot = named.get(single.hypothesis.name)
+    robots = stage(initial, [robot_request([point]) for point in alone.values()])
+    own = {head.hypothesis.name: _unfitted(wide, head) for head in heads}
+    for (name, at), robot in zip(alone, robots, strict=True):
         if robot is not None:
-            single.add(float(robot.at[0]), wide.trial_set.rewhiten(robot, initial))
-    return replace(wide, fits=tuple(own))
+            own[name].add(at, wide.trial_set.rewhiten(robot, initial))
+    return replace(wide, fits=tuple(own.values()))
+
+
+def _unfitted(wide: Judgement, head: Fit) -> Fit:
+    return Fit.of(head.hypothesis, wide.trial_set, wide.nominal, head.settings)
 
 
 def _searched(
     judgement: Judgement,
     hypotheses: Sequence[Hypothesis],
-    begin: Point,
+    begin: Sequence[Point],
     known: Simulated,
     context: Context,
 ) -> tuple[SetJudge, list[SetFit]]:
@@ -198,7 +221,7 @@ def _searched(
     Args:
         judgement: the trials and the fits of single effects.
         hypotheses: the effects to try, each on its targets.
-        begin: a set from which the search sets out.
+        begin: sets from the best of which the search sets out.
         known: robots that were simulated; new ones are added.
         context: simulates robots; settings.
     """

@@ -27,7 +27,13 @@ def search(rig: ToyBench, begin: tuple[str, ...] = ()) -> SetSearch:
     fitter = rig.fitter(GAIT_SETS)
     points = [(h, 0.5) for h in rig.hypotheses if h.name in begin]
     return SetSearch(
-        fitter, rig.hypotheses, rig.nominal, GAIT_SETS, fitter, begin=points, responses=responses(rig)
+        fitter,
+        rig.hypotheses,
+        rig.nominal,
+        GAIT_SETS,
+        fitter,
+        begin=[points] if points else [],
+        responses=responses(rig),
     )
 
 
