@@ -178,8 +178,13 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
             "ones: something acts in some cycles and not in others."
         )
     if isinstance(diagnosis.experiment, Experiment):
-        period = diagnosis.experiment.gait.period_s
-        sentences.append(f"Measure next: a gait of {period:.2f} s. {what_it_tells(diagnosis.experiment)}")
+        period, wave = diagnosis.experiment.gait.period_s, diagnosis.experiment.wave_of
+        what = (
+            f"a gait of {period:.2f} s"
+            if wave is None
+            else f"the wave of {wave} with a period of {period:g} s"
+        )
+        sentences.append(f"Measure next: {what}. {what_it_tells(diagnosis.experiment)}")
     if isinstance(diagnosis.experiment, CommandExperiment):
         about, told = diagnosis.experiment.chosen.words, what_commands_tell(diagnosis.experiment)
         sentences.append(f"Play next: a {about}. {told}")
@@ -245,6 +250,12 @@ def what_it_tells(experiment: Experiment) -> str:
         f"On this gait, {first} and {' or '.join(others)} differ by {experiment.separation:.1f} times the "
         f"measurement uncertainty; on the gaits measured so far, by {experiment.before:.1f} times."
     )
+    if experiment.worth_m_s is not None:
+        worth = 1e3 * experiment.worth_m_s
+        text += (
+            f" The best of the gaits that were tried is expected to be {worth:.1f} mm/s faster "
+            "if it is chosen after this film."
+        )
     for one, other in experiment.inseparable:
         text += f" No gait that was tried separates {one} from {other}: measure another signal for that."
     return text

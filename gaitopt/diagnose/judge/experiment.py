@@ -4,12 +4,12 @@ T-optimality (Atkinson and Fedorov, 1975) asks for the gait on which two candida
 candidates, the two most similar ones may be similar on every gait, and a gait chosen for these says nothing
 about the others. So each candidate in turn is taken as the truth, weighted by its probability. The score is
 the probability that the others would still have after a recording. A pair that no gait separates then counts
-the same on all gaits.
+the same on all gaits. A hand-tuned wave that does nearly as well is preferred: a user has a player for it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -30,6 +30,12 @@ from gaitopt.simulation.rollout import Simulator
 
 Array = NDArray[np.float64]
 
+_PERIODS = 7
+"""Periods at which the wave of a hand-tuned gait is tried, from the shortest to the longest one allowed."""
+
+_SAME_PERIOD = 0.1
+"""Logarithm of the ratio of two periods below which a recording tells the same."""
+
 
 @dataclass(frozen=True)
 class Experiment:
@@ -40,6 +46,9 @@ class Experiment:
         separates: the effects of each candidate.
         separation: RMS difference of the most probable candidate from the others, in floors.
         before: the same on the best gait measured so far.
+        worth_m_s: how much faster the best of the gaits that were tried is expected to be if it is chosen
+            after the recording, m/s; None where no way forward is measured.
+        wave_of: the hand-tuned gait whose wave it is, at another period; None for another wave.
         inseparable: pairs of candidates that differ by less than a floor on every gait that was tried.
     """
 
@@ -47,6 +56,8 @@ class Experiment:
     separates: list[str]
     separation: float
     before: float
+    worth_m_s: float | None
+    wave_of: str | None
     inseparable: list[list[str]]
 
     def to_dict(self) -> dict[str, Any]:
@@ -56,6 +67,8 @@ class Experiment:
             "separates": self.separates,
             "expected_separation": self.separation,
             "separation_so_far": self.before,
+            "worth_m_s": self.worth_m_s,
+            "wave_of": self.wave_of,
             "inseparable": self.inseparable,
         }
 
@@ -121,19 +134,62 @@ def propose(
     if len(contest.distinct) < 2 or simulator.problem.file.gait is None:
         return None
     scorer, final = _scorers(simulator, contest, tuple(signals), context)
-    scores = _searched(scorer, simulator.problem, measured, context.seed)
+    waves = hand_tuned_waves(simulator.problem, measured)
+    tuned: list[GaitScore[Gait]] = scorer.score([gait for gait, _ in waves])
+    scores = tuned + _searched(scorer, simulator.problem, tuned, context.seed)
     if not scores:
         return None
-    finalists = [score.gait for score in sorted(scores, key=_wrong)[: settings.finalists]]
-    chosen = min(final.score(finalists) or scores, key=_wrong)
+    leading = sorted(scores, key=_wrong)[: settings.finalists]
+    finalists = {score.gait.key: score.gait for score in (*leading, *sorted(tuned, key=_wrong)[:1])}
+    wave_of = {gait.key: name for gait, name in waves}
+    chosen = preferred(final.score([*finalists.values()]) or scores, wave_of, settings)
     known = scorer.score(list(measured))
     return Experiment(
         replace(chosen.gait, name="next"),
         contest.distinct,
         chosen.separation,
         max((score.separation for score in known), default=0.0),
+        chosen.worth_among([*scores, *known]),
+        wave_of.get(chosen.gait.key),
         _inseparable(contest.names, [*scores, *known]),
     )
+
+
+def hand_tuned_waves(problem: Problem, measured: Sequence[Drive]) -> list[tuple[Gait, str]]:
+    """Return the hand-tuned gaits, also at other periods, that were not measured: each with one of its wave.
+
+    Args:
+        problem: the problem.
+        measured: the drives of the trials so far.
+    """
+    low, high = problem.space.period_s
+    periods = [float(f"{period:.2g}") for period in np.geomspace(low, high, _PERIODS)]
+    found = [(gait, name) for name, gait in problem.baselines.items()]
+    found += [
+        (replace(gait, period_s=at), name) for name, gait in problem.baselines.items() for at in periods
+    ]
+    seen = [drive for drive in measured if isinstance(drive, Gait)]
+    new: list[tuple[Gait, str]] = []
+    for gait, name in found:
+        if low <= gait.period_s <= high and not any(_alike(gait, one) for one in seen):
+            seen.append(gait)
+            new.append((gait, name))
+    return new
+
+
+def _alike(one: Gait, other: Gait) -> bool:
+    near = abs(np.log(one.period_s / other.period_s)) < _SAME_PERIOD
+    return bool(near) and dict(one.channels) == dict(other.channels)
+
+
+def preferred(
+    scores: Sequence[GaitScore[Gait]], wave_of: Mapping[str, str], settings: ExperimentSettings
+) -> GaitScore[Gait]:
+    """Return the best gait, or a hand-tuned wave that leaves hardly more doubt."""
+    best = min(scores, key=_wrong)
+    enough = best.wrong + settings.hand_tuned_doubt
+    tuned = [score for score in scores if score.gait.key in wave_of and score.wrong <= enough]
+    return min(tuned, key=_wrong, default=best)
 
 
 def _scorers(
@@ -160,17 +216,15 @@ def _scorers(
 
 
 def _searched(
-    scorer: GaitScorer, problem: Problem, measured: Sequence[Drive], seed: int
+    scorer: GaitScorer, problem: Problem, tuned: Sequence[GaitScore[Gait]], seed: int
 ) -> list[GaitScore[Gait]]:
-    """Return the scores of baselines, random gaits, and gaits near the best of them."""
+    """Return the scores of random gaits, and of gaits near the best of them and of hand-tuned ones."""
     settings = scorer.settings
     space, rng = problem.space, generator(seed, Stream.EXPERIMENT_CANDIDATES)
-    keys = {drive.key for drive in measured}
-    points = [space.encode(gait) for gait in problem.baselines.values() if gait.key not in keys]
-    points += list(rng.random((settings.random, len(space.variables))))
+    points = list(rng.random((settings.random, len(space.variables))))
     scores = scorer.score([space.decode(point) for point in points])
-    for step in settings.steps if scores else ():
-        best = space.encode(min(scores, key=_wrong).gait)
+    for step in settings.steps if scores or tuned else ():
+        best = space.encode(min([*tuned, *scores], key=_wrong).gait)
         near = [space.wrap(best + step * rng.standard_normal(len(best))) for _ in range(settings.refined)]
         scores += scorer.score([space.decode(point) for point in near])
     return scores

@@ -184,6 +184,7 @@ class ExperimentSettings:
     Attributes:
         seconds: length of the proposed recording, s; at least two cycles.
         random: gaits drawn at random.
+        hand_tuned_doubt: a hand-tuned wave is proposed if it leaves at most this much more doubt.
         refined: gaits drawn near the best one, for each step.
         steps: sizes of the steps from the best gait so far, in units of the box.
         candidates: candidates that count, on all their targets, at most.
@@ -199,7 +200,8 @@ class ExperimentSettings:
     """
 
     seconds: float = 8.0
-    random: int = 14
+    random: int = 10
+    hand_tuned_doubt: float = 0.02
     refined: int = 5
     steps: tuple[float, ...] = (0.12, 0.08)
     candidates: int = 8

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from gaitopt.diagnose.fit.runner import Runner
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.context import Context
-from gaitopt.diagnose.judge.experiment import Contest, propose
+from gaitopt.diagnose.judge.experiment import Contest, hand_tuned_waves, preferred, propose
 from gaitopt.diagnose.judge.gait_score import GaitScore
 from gaitopt.diagnose.judge.settings import DiagnosisSettings, ExperimentSettings
 from gaitopt.gait.gait import Gait
@@ -58,6 +58,50 @@ def test_a_pair_that_nothing_parts_does_not_decide() -> None:
     poor[0, 1:] = (0.1, 0.1, 0.5)
     good[:3, 3] = 25.0
     assert score(good).wrong < score(poor).wrong
+
+
+def of_speeds(squares: float, speeds: ArrayLike) -> GaitScore[Gait]:
+    apart = np.array([[0.0, squares], [squares, 0.0]])
+    return GaitScore(cast(Gait, None), apart, 1, ("a", "b"), np.array([0.5, 0.5]), np.asarray(speeds))
+
+
+def test_a_recording_is_worth_what_a_better_choice_gains() -> None:
+    """One gait is fast on the one robot, another on the other: it pays to know which robot it is."""
+    others = [of_speeds(0.0, (0.04, 0.01)), of_speeds(0.0, (0.01, 0.03))]
+    assert of_speeds(1e4, (0.0, 0.0)).worth_among(others) == pytest.approx(0.5 * (0.04 + 0.03) - 0.025)
+    assert of_speeds(0.0, (0.0, 0.0)).worth_among(others) == pytest.approx(0.0)
+    assert 0.0 < cast(float, of_speeds(1.0, (0.0, 0.0)).worth_among(others)) < 0.01
+    assert of_speeds(1e4, (0.0, 0.0)).worth_among(others[:1]) == 0.0  # there is no choice
+    assert score(np.zeros((4, 4))).worth_among([score(np.zeros((4, 4)))]) is None  # no way is measured
+
+
+def test_hand_tuned_waves_are_tried_at_new_periods(arcfold: Problem) -> None:
+    measured = [arcfold.baselines["square-4s"], arcfold.baselines["square-1s"]]
+    waves = hand_tuned_waves(arcfold, measured)
+    names = [name for _, name in waves]
+    assert {"square-2s", "square-0.5s"} <= set(names)
+    low, high = arcfold.space.period_s
+    for gait, name in waves:
+        assert dict(gait.channels) == dict(arcfold.baselines[name].channels)
+        assert low <= gait.period_s <= high
+        assert all(abs(np.log(gait.period_s / one.period_s)) > 0.09 for one in measured)
+    periods = [gait.period_s for gait, _ in waves]
+    assert len(set(periods)) == len(periods) > 4
+
+
+def test_a_hand_tuned_wave_that_does_as_well_is_preferred(arcfold: Problem) -> None:
+    tuned, other = arcfold.baselines["square-2s"], arcfold.baselines["square-1s"]
+    settings = ExperimentSettings()
+
+    def scored(gait: Gait, squares: float) -> GaitScore[Gait]:
+        apart = np.array([[0.0, squares], [squares, 0.0]])
+        return GaitScore(gait, apart, 1, ("a", "b"), np.array([0.5, 0.5]))
+
+    wave_of = {tuned.key: "square-2s"}
+    both = [scored(tuned, 12.0), scored(other, 14.0)]
+    assert preferred(both, wave_of, settings).gait is tuned
+    assert preferred([scored(tuned, 1.0), both[1]], wave_of, settings).gait is other
+    assert preferred(both, {}, settings).gait is other
 
 
 def causes(probabilities: Sequence[float]) -> Causes:
