@@ -148,9 +148,10 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
         found = _explained_by_two(wide, gap, trial_set, context) or found
     concluded = _concluded(found, gap, before <= settings.verdict.faint_gap, context)
     if short and concluded.verdict in ("partly_explained", "unexplained"):
-        tolerant = with_tolerances(wide, context)
-        if _likelier(tolerant, log_evidence_of(found.judgement.first, found.judgement)):
-            return _explained_by_several(tolerant, tolerant, gap, hypotheses, context)
+        whole = with_tolerances(wide, context)
+        if _likelier(whole, log_evidence_of(found.judgement.first, found.judgement)):
+            tolerant = tolerant or with_tolerances(first, context)
+            return _explained_by_several(tolerant, judgement, gap, hypotheses, context)
     return concluded
 
 
