@@ -35,9 +35,11 @@ def diagnosed(
     known: bool = True,
     gaits: Sequence[str] = ("square-2s", "square-1s"),
     errors: SmallErrors = NO_ERRORS,
+    seconds: float = 5.0,
 ) -> dict[str, Any]:
     trials = {
-        gait: (gait, recording_of(rollout(simulator.problem, gait, 5.0, effects, errors))) for gait in gaits
+        gait: (gait, recording_of(rollout(simulator.problem, gait, seconds, effects, errors)))
+        for gait in gaits
     }
     start = {"starts_at_gait_time_s": 0.0} if known else {}
     data = load_dataset(
@@ -76,10 +78,11 @@ def test_a_planted_cause_is_found_with_its_parameter(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("seed", "seconds"), [(1, 5.0), (2, 5.0), (1, 4.0)])
 def test_two_effects_are_found_on_a_robot_that_is_a_little_wrong_in_everything(
-    simulator: Simulator, tmp_path: Path, seed: int
+    simulator: Simulator, tmp_path: Path, seed: int, seconds: float
 ) -> None:
+    """Of the shortest recordings the beginnings are hardly shorter, and are not taken alone."""
     tolerances = simulator.problem.file.tolerances
     errors = draw_errors(simulator.effects.nominal, tolerances, seeded(seed))
     planted: dict[str, Values] = {
@@ -87,7 +90,7 @@ def test_two_effects_are_found_on_a_robot_that_is_a_little_wrong_in_everything(
         "servo_trim": {"offset_rad": 0.17, "target": "foot1"},
     }
     among = (*planted, "body_friction", "pad_friction", "ground_slope")
-    found = diagnosed(simulator, tmp_path, planted, among, errors=errors)
+    found = diagnosed(simulator, tmp_path, planted, among, errors=errors, seconds=seconds)
     assert set(planted) <= {*found["causes"], *found["ambiguous_with"]}
     assert set(found["causes"]) <= set(planted)
     assert found["gap"]["heldout_after_m"] < found["gap"]["heldout_before_m"]

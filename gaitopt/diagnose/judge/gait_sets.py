@@ -143,19 +143,19 @@ def judged_by_gait_sets(
         hypotheses: the effects to try, each on its targets.
         context: simulates robots; settings.
     """
-    known = Simulated()
-    judge, fits = _searched(tolerant, hypotheses, [], known, context)
-    begin = _beginnings(judge, fits)
-    begun = tolerant.n_rows < wide.n_rows
-    if begun:
-        wide = _with_fits_of(wide, fits, tolerant.fits, context)
-        hypotheses = [fit.hypothesis for fit in wide.fits if len(fit.comparisons) > 1]
-    if begun or fits[0].hypotheses:
-        tolerant = with_tolerances(wide, context, fits[0].point)
-        known = Simulated() if begun else known
-        judge, fits = _searched(tolerant, hypotheses, begin, known, context)
+    known, judgement = Simulated(), tolerant
+    judge, fits = _searched(judgement, hypotheses, [], known, context)
+    again = bool(fits[0].hypotheses)
+    if judgement.n_rows < wide.n_rows:
+        known, again = Simulated(), True
+        judgement = _with_fits_of(wide, fits, tolerant.fits, context)
+        hypotheses = [fit.hypothesis for fit in judgement.fits if len(fit.comparisons) > 1]
+    if again:
+        begin = _beginnings(judge, fits)
+        judgement = with_tolerances(judgement, context, fits[0].point)
+        judge, fits = _searched(judgement, hypotheses, begin, known, context)
     judged = _judged(judge, fits, known, floors)
-    return replace(tolerant, sets=judged), judged
+    return replace(judgement, sets=judged), judged
 
 
 def _beginnings(judge: SetJudge, fits: Sequence[SetFit]) -> list[Point]:
