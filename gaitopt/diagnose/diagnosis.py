@@ -71,7 +71,7 @@ class GapOfTrial:
 
     def to_dict_in_rad(self) -> dict[str, object]:
         """Return a row of ``gap_angles_by_trial`` in ``diagnosis.json``."""
-        return {"trial": self.trial} | _in_rad(self.gap)
+        return {"trial": self.trial} | self.gap.to_dict_in_rad()
 
 
 @dataclass(frozen=True)
@@ -258,13 +258,14 @@ class Diagnosis:
             "other_probability": self.found.other_probability if self.found else None,
             "p_value": self.found.p_value if self.found else None,
             "unevenness": self.found.unevenness if self.found else None,
+            "chance": self.found.chance.to_dict() if self.found and self.found.chance else None,
             "tried": list(self.tried),
             "effects": [row.to_dict() for row in self.found.effects] if self.found else [],
             "explanations": self.found.explanations if self.found else [],
             "misfit_trials": self.misfit_trials,
             "where": [share.to_dict() for share in self.where],
             "gap": self.gap.to_dict(),
-            "gap_angles": _in_rad(self.gap_angles) if self.gap_angles else None,
+            "gap_angles": self.gap_angles.to_dict_in_rad() if self.gap_angles else None,
             "gap_by_trial": [gap.to_dict() for gap in self.gap_by_trial],
             "gap_angles_by_trial": [gap.to_dict_in_rad() for gap in self.gap_angles_by_trial],
             "predictions": [prediction.to_dict() for prediction in self.predictions],
@@ -383,17 +384,6 @@ def locate(
     gaps = [gap.with_mismatches(odd.get(gap.name, ())) for gap in gaps]
     name, source = simulator.problem.name, str(dataset.source)
     return Diagnosis(name, source, seed, simulator.fidelity, tuple(gaps))
-
-
-def _in_rad(gap: Gap) -> dict[str, object]:
-    """Return ``gap_angles`` of ``diagnosis.json``."""
-    return {
-        "heldout_before_rad": gap.before,
-        "heldout_after_rad": gap.after,
-        "floor_rad": gap.floor,
-        "shrinkage": gap.shrinkage,
-        "shrinkage_ci90": list(gap.ci90),
-    }
 
 
 def _mean(values: Sequence[float], weights: Sequence[int]) -> float:

@@ -12,10 +12,10 @@ from gaitopt.diagnose.gap.floor import marker_floor
 from gaitopt.diagnose.gap.split import Split
 from gaitopt.diagnose.gap.where import by_component
 from gaitopt.diagnose.judge.candidates import Candidate
-from gaitopt.diagnose.judge.command_experiment import CommandExperiment
-from gaitopt.diagnose.judge.experiment import Experiment
+from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.gap import Gap
 from gaitopt.diagnose.judge.unevenness import UNEVEN
+from gaitopt.diagnose.next_words import what_next
 from gaitopt.diagnose.trial_gap import SIGNIFICANT, TrialGap
 from gaitopt.optimise.robots import Expected
 from gaitopt.robot.signals import is_position
@@ -47,7 +47,7 @@ def answer(diagnosis: Diagnosis) -> str:
         return f"The gap ({figures}) is in the recordings: {', '.join(diagnosis.causes)}."
     if diagnosis.found is not None and diagnosis.found.candidates:
         within = diagnosis.verdict == "partly_explained" and gap.gap.after <= gap.gap.floor
-        kind = "uneven" if within and diagnosis.found.unevenness > UNEVEN else diagnosis.verdict
+        kind = "uneven" if within and diagnosis.found.unevenness_left > UNEVEN else diagnosis.verdict
         return f"{_VERDICTS[kind].format(*_who(diagnosis))} The gap: {_before_after(gap)}."
     text = f"There is a gap: {figures}{_angles_too(diagnosis)}."
     for first in diagnosis.where[:1]:  # nothing where every part of the gap is within the floor
@@ -175,20 +175,25 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
     if found.unevenness > UNEVEN:
         sentences.append(
             f"The recorded cycles differ from one another {found.unevenness:.0f} times as much as simulated "
-            "ones: something acts in some cycles and not in others."
+            f"ones: {_what_differs(found)}"
         )
-    if isinstance(diagnosis.experiment, Experiment):
-        period, wave = diagnosis.experiment.gait.period_s, diagnosis.experiment.wave_of
-        what = (
-            f"a gait of {period:.2f} s"
-            if wave is None
-            else f"the wave of {wave} with a period of {period:g} s"
-        )
-        sentences.append(f"Measure next: {what}. {what_it_tells(diagnosis.experiment)}")
-    if isinstance(diagnosis.experiment, CommandExperiment):
-        about, told = diagnosis.experiment.chosen.words, what_commands_tell(diagnosis.experiment)
-        sentences.append(f"Play next: a {about}. {told}")
+    if diagnosis.experiment is not None:
+        sentences.append(what_next(diagnosis.experiment))
     return sentences
+
+
+def _what_differs(found: Causes) -> str:
+    """Return what may make cycles differ."""
+    chance = found.chance
+    if chance is None:
+        return "something acts in some cycles and not in others."
+    low, high = chance.ci90
+    text = (
+        f"{chance.effect} with {chance.parameter} = {chance.value:.2g} ({low:.2g} to {high:.2g}) makes them "
+        "differ as much in the mean"
+    )
+    left = chance.unevenness
+    return f"{text}." if left <= UNEVEN else f"{text}, but in some signal still {left:.0f} times too little."
 
 
 _SAME_LOOK = 0.9
@@ -230,35 +235,6 @@ def speed_text(speed: Expected) -> str:
     """Return a speed with its interval, in mm/s."""
     low, high = speed.ci90
     return f"{1e3 * speed.mean:.1f} ({1e3 * low:.1f} to {1e3 * high:.1f})"
-
-
-def what_commands_tell(found: CommandExperiment) -> str:
-    """Return what the commands are expected to tell, in a sentence or two."""
-    apart = f"by {found.chosen.separation.mean:.1f} times the measurement uncertainty on average"
-    so_far = f"; the best commands so far: {found.before:.1f}" if found.before else ""
-    if len(found.separates) == 1:
-        return f"They narrow the figures of {found.separates[0]}: they set its robots apart {apart}{so_far}."
-    text = f"They set {', '.join(found.separates)} apart {apart}{so_far}."
-    pairs = "; ".join(" and ".join(pair) for pair in found.inseparable)
-    return text + (f" No commands tell these apart: {pairs}." if pairs else "")
-
-
-def what_it_tells(experiment: Experiment) -> str:
-    """Return which effects the next experiment is expected to separate, and which no gait separates."""
-    first, *others = experiment.separates
-    text = (
-        f"On this gait, {first} and {' or '.join(others)} differ by {experiment.separation:.1f} times the "
-        f"measurement uncertainty; on the gaits measured so far, by {experiment.before:.1f} times."
-    )
-    if experiment.worth_m_s is not None:
-        worth = 1e3 * experiment.worth_m_s
-        text += (
-            f" The best of the gaits that were tried is expected to be {worth:.1f} mm/s faster "
-            "if it is chosen after this film."
-        )
-    for one, other in experiment.inseparable:
-        text += f" No gait that was tried separates {one} from {other}: measure another signal for that."
-    return text
 
 
 def explanation(diagnosis: Diagnosis) -> list[str]:

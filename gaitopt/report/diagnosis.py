@@ -10,8 +10,9 @@ from gaitopt.core.quantities import figure
 from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.judge.command_experiment import CommandExperiment
+from gaitopt.diagnose.next_words import what_it_tells
 from gaitopt.diagnose.trial_gap import TrialGap
-from gaitopt.diagnose.words import answer, explanation, how_far, shown_gap, what_it_tells
+from gaitopt.diagnose.words import answer, explanation, how_far, shown_gap
 from gaitopt.effects import EFFECTS
 from gaitopt.problem.problem import Problem
 from gaitopt.report import diagnosis_tables as tables

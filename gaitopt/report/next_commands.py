@@ -9,7 +9,7 @@ from pathlib import Path
 from gaitopt.core.quantities import figure
 from gaitopt.diagnose.judge.command_experiment import COMMANDS_FILE, CommandExperiment
 from gaitopt.diagnose.judge.command_search import ScoredCommands
-from gaitopt.diagnose.words import what_commands_tell
+from gaitopt.diagnose.next_words import what_commands_tell
 from gaitopt.report.figures import gait as gait_plots
 from gaitopt.report.page import Picture, Section, Table, save_figures
 

@@ -11,7 +11,7 @@ import pytest
 from gaitopt.diagnose.judge.command_experiment import CommandExperiment
 from gaitopt.diagnose.judge.command_score import Separation
 from gaitopt.diagnose.judge.command_search import ScoredCommands
-from gaitopt.diagnose.words import what_commands_tell
+from gaitopt.diagnose.next_words import what_commands_tell
 from gaitopt.gait.calibration import Calibration
 from gaitopt.gait.command_shapes import SHAPES, Size, Travel, shaped
 from gaitopt.gait.played_commands import PlayedCommands

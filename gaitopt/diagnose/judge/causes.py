@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.judge.candidates import Candidate
+from gaitopt.diagnose.judge.chance import Chance
 from gaitopt.diagnose.judge.gap import Gap, GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.precision import Interval, Precision, at_clock
@@ -94,6 +95,7 @@ class Causes:
         unevenness: by how much the recorded cycles differ, in differences of such robots' cycles.
         seed: seed of all randomness.
         gap_angles: the same of the angles, rad; None where none was measured or nothing was fitted.
+        chance: what makes the recorded cycles differ, where they differ much; None where nothing does it.
     """
 
     judgement: Judgement
@@ -103,6 +105,7 @@ class Causes:
     unevenness: float
     seed: int
     gap_angles: Gap | None = None
+    chance: Chance | None = None
 
     @property
     def verdict(self) -> str:
@@ -128,6 +131,11 @@ class Causes:
     def p_value(self) -> float:
         """p-value: how often chance alone gains as much as the first candidate."""
         return self.answer.p_value
+
+    @property
+    def unevenness_left(self) -> float:
+        """By how much the recorded cycles differ, in differences of simulated cycles with `chance`."""
+        return self.unevenness if self.chance is None else self.chance.unevenness
 
     @property
     def trial_set(self) -> TrialSet:

@@ -19,6 +19,7 @@ from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.gap.predict import predict_each
 from gaitopt.diagnose.judge.causes import Causes
+from gaitopt.diagnose.judge.chance import fitted_chance
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.gait_sets import (
     judged_by_gait_sets,
@@ -221,7 +222,7 @@ def _explained_by_several(
         context: simulates robots.
     """
     judgement, judged = judged_by_gait_sets(tolerant, wide, gap.floors, hypotheses, context)
-    return _concluded_sets(judgement, judged, gap, len(hypotheses), context)
+    return _concluded_sets(judgement, judged, gap, hypotheses, context)
 
 
 def _explained(judgement: Judgement, gap: NominalGap, trial_set: TrialSet, context: Context) -> _Explanation:
@@ -260,11 +261,15 @@ def _explained_by_sets(
 ) -> Causes:
     """Return the answer from sets of effects of any size."""
     judgement, judged = judged_by_sets(judgement, gap.floors, hypotheses, context)
-    return _concluded_sets(judgement, judged, gap, len(hypotheses), context)
+    return _concluded_sets(judgement, judged, gap, hypotheses, context)
 
 
 def _concluded_sets(
-    judgement: Judgement, judged: JudgedSets, gap: NominalGap, tried: int, context: Context
+    judgement: Judgement,
+    judged: JudgedSets,
+    gap: NominalGap,
+    hypotheses: Sequence[Hypothesis],
+    context: Context,
 ) -> Causes:
     """Return the answer that sets of effects allow.
 
@@ -272,26 +277,32 @@ def _concluded_sets(
         judgement: the trials and the sets.
         judged: the sets.
         gap: the trials aligned with the nominal robot.
-        tried: number of hypotheses.
+        hypotheses: the effects that were tried, each on its targets.
         context: simulates robots; seed and settings.
     """
     if not judged.candidates:
-        verdict = conclude_sets(judgement, judged, tried)
+        verdict = conclude_sets(judgement, judged, len(hypotheses))
         none = np.empty((0, judgement.n_rows))
         return Causes(judgement, verdict, None, none, 0.0, context.seed)
     settings = context.settings.verdict
     robots = perturbed_about(judgement.trial_set, judgement.first, context)
-    verdict = conclude_sets(judgement, judged, tried, judged.doubtful(robots.changes))
-    uneven = 0.0  # logged commands have no cycles
+    verdict = conclude_sets(judgement, judged, len(hypotheses), judged.doubtful(robots.changes))
+    uneven, chance, without_chance = 0.0, None, robots.comparisons  # logged commands have no cycles
     if not gap.has_logs:
-        uneven = unevenness(judgement.trial_set, gap.floors, robots.comparisons, settings)
+        # A clock that is a little too fast makes cycles differ, too, if they are taken from it.
+        without_chance = judgement.tolerant_robots or robots.comparisons
+        uneven = unevenness(judgement.trial_set, gap.floors, without_chance, settings)
     if uneven > settings.uneven:
-        verdict = verdict.beside_chance(other_probability(uneven / settings.uneven, settings))
+        point = [*zip(judgement.first.hypotheses, judgement.first.at, strict=True)]
+        chance = fitted_chance(judgement.trial_set, gap.floors, without_chance, point, hypotheses, context)
+        left = uneven if chance is None else chance.unevenness
+        if left > settings.uneven:
+            verdict = verdict.beside_chance(other_probability(left / settings.uneven, settings))
     draws = context.settings.evidence.gap_draws
     meter = GapMeter(judgement.trial_set, judgement.nominal, context.seed, draws)
     measured = meter.measure(judgement.first, gap.floor_m)
     angles = None if gap.floor_rad is None else meter.measure_angles(judgement.first, gap.floor_rad)
-    return Causes(judgement, verdict, measured, robots.changes, uneven, context.seed, angles)
+    return Causes(judgement, verdict, measured, robots.changes, uneven, context.seed, angles, chance)
 
 
 def _concluded(found: _Explanation, gap: NominalGap, faint: bool, context: Context) -> Causes:

@@ -87,10 +87,11 @@ def with_tolerances(judgement: Judgement, context: Context, point: Point = ()) -
     robots = [centre, *tolerant_robots(centre, context.seed, context.settings.small_errors.tolerant)]
     named = {f"a little wrong, {index}: {request.name}": robot for index, robot in enumerate(robots)}
     middle, *others = context.runner.compare_robots(initial, named)
-    changes = [one.whitened - middle.whitened for one in others if one is not None and middle is not None]
-    if not changes:
+    known = tuple(one for one in others if one is not None)
+    if middle is None or not known:
         return judgement
-    return replace(judgement.rewhitened(initial.with_covariance_of(np.array(changes))), tolerant=True)
+    changes = np.array([one.whitened - middle.whitened for one in known])
+    return replace(judgement.rewhitened(initial.with_covariance_of(changes)), tolerant_robots=known)
 
 
 def log_evidence(judgement: Judgement, most: int = 1) -> float:

@@ -50,6 +50,16 @@ class Gap:
             "shrinkage_ci90": list(self.ci90),
         }
 
+    def to_dict_in_rad(self) -> dict[str, object]:
+        """Return ``gap_angles`` of ``diagnosis.json``: the gap is one of angles."""
+        return {
+            "heldout_before_rad": self.before,
+            "heldout_after_rad": self.after,
+            "floor_rad": self.floor,
+            "shrinkage": self.shrinkage,
+            "shrinkage_ci90": list(self.ci90),
+        }
+
 
 def shrinkage(before: float, after: float, floor: float) -> float | None:
     """Return (before - after) / (before - floor); None where the gap is within the floor."""

@@ -50,7 +50,8 @@ class Judgement:
         fits: the effects' fits; none where nothing was fitted.
         pairs: fits of two effects; none where these were not tried.
         sets: sets of effects of any size; None where these were not tried.
-        tolerant: whether the covariance is that of robots that are a little wrong in everything.
+        tolerant_robots: the robots with all small errors of the tolerances that gave the covariance; none
+            where the robot is taken to be made exactly.
         settings: tuning constants.
     """
 
@@ -59,8 +60,13 @@ class Judgement:
     fits: tuple[Fit, ...] = ()
     pairs: tuple[PairFit, ...] = ()
     sets: JudgedSets | None = None
-    tolerant: bool = False
+    tolerant_robots: tuple[Comparison, ...] = ()
     settings: DiagnosisSettings = DEFAULT
+
+    @property
+    def tolerant(self) -> bool:
+        """Whether the covariance is that of robots that are a little wrong in everything."""
+        return bool(self.tolerant_robots)
 
     @property
     def n_rows(self) -> int:

@@ -216,6 +216,27 @@ class ExperimentSettings:
 
 
 @dataclass(frozen=True)
+class ChanceSettings:
+    """How the size of an effect of chance is found.
+
+    Attributes:
+        shares: shares of its range at which it is simulated.
+        grid: sizes that are compared between the smallest and the largest of these.
+        least_ratio: smaller ratios of squares count as this one.
+        least_scatter: standard deviation of the logarithm of a ratio, at least: with ten cycles a variance is
+            known to half of itself.
+        interval: how much the squares may grow, in variances, inside the 90 % interval; twice what
+            independent signals would allow.
+    """
+
+    shares: tuple[float, ...] = (0.03, 0.08, 0.2, 0.45, 1.0)
+    grid: int = 241
+    least_ratio: float = 1e-3
+    least_scatter: float = 0.5
+    interval: float = 5.4
+
+
+@dataclass(frozen=True)
 class DiagnosisSettings:
     """All tuning constants of a diagnosis, by what they belong to."""
 
@@ -233,6 +254,7 @@ class DiagnosisSettings:
     covariance: CovarianceSettings = CovarianceSettings()
     verdict: VerdictSettings = VerdictSettings()
     experiment: ExperimentSettings = ExperimentSettings()
+    chance: ChanceSettings = ChanceSettings()
 
 
 SMALL_ERRORS = SmallErrorSettings()

@@ -8,7 +8,7 @@ robot that does not repeat itself.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.gap.floor import Floors, cycle_spread
 from gaitopt.diagnose.judge.settings import VERDICT, VerdictSettings
 from gaitopt.diagnose.record.cycles import steady_from
+
+Array = NDArray[np.float64]
 
 UNEVEN = VerdictSettings.uneven
 """Ratio of recorded to simulated differences between cycles from which cycles are uneven."""
@@ -38,20 +40,50 @@ def unevenness(
             returned.
         settings: error of the noise.
     """
+    squares = cycle_squares(trial_set, floors, comparisons)
+    if squares is None:
+        return 0.0
+    recorded = np.maximum(0.0, squares.recorded - squares.noise)
+    simulated = squares.simulated + settings.noise_error**2 * squares.noise + 1e-12
+    return float(np.sqrt((recorded / simulated).max(initial=0.0)))
+
+
+@dataclass(frozen=True)
+class CycleSquares:
+    """Mean squares by which cycles differ, m² or rad²: one for each signal of each trial, shape (n,).
+
+    Attributes:
+        recorded: of the recorded cycles; they include the noise.
+        noise: of the recordings' noise.
+        simulated: of simulated cycles.
+    """
+
+    recorded: Array
+    noise: Array
+    simulated: Array
+
+
+def cycle_squares(
+    trial_set: TrialSet, floors: Sequence[Floors], comparisons: Sequence[Comparison | None]
+) -> CycleSquares | None:
+    """Return by how much recorded and simulated cycles differ; None without any robot.
+
+    Args:
+        trial_set: the trials.
+        floors: floor of each signal of each: what is recorded.
+        comparisons: the trials compared with robots; None for those that failed.
+    """
     known = [comparison for comparison in comparisons if comparison is not None]
     if not known:
-        return 0.0
-    ratios = []
+        return None
     samples = [by_signal(trial_set.trials, one.marker, one.angles) for one in known]
+    rows: list[tuple[float, float, float]] = []
     for index, one in enumerate(trial_set.trials):
         for name, floor in floors[index].items():
-            if floor.spread is None:
-                continue
-            spreads = [_spread(trial_set, one, name, parts[index][name]) for parts in samples]
-            recorded = max(0.0, floor.spread**2 - floor.noise**2)
-            simulated = np.mean(np.square(spreads)) + (settings.noise_error * floor.noise) ** 2 + 1e-12
-            ratios.append(recorded / simulated)
-    return float(np.sqrt(max(ratios, default=0.0)))
+            if floor.spread is not None:
+                spreads = [_spread(trial_set, one, name, parts[index][name]) for parts in samples]
+                rows.append((floor.spread**2, floor.noise**2, float(np.mean(np.square(spreads)))))
+    return CycleSquares(*np.array(rows).reshape(-1, 3).T)
 
 
 def _spread(trial_set: TrialSet, one: WhitenedTrial, name: str, residual: NDArray[np.float64]) -> float:
