@@ -50,10 +50,14 @@ def conclude_sets(
     remains = _typical(judgement, sets, first)
     other = other_probability(remains / settings.other_half, settings)
     chance_alone = min(1.0, n_hypotheses * math.exp(min(0.0, sets.none - float(sets.scores[0]))))
-    if remains <= settings.left:
-        kind = "explained" if clear else "ambiguous" if causes else "no_gap"
+    before = _typical(judgement, sets, judgement.none)
+    if not causes:  # each effect does less than shows
+        nothing = before <= settings.left and chance_alone > settings.significance
+        kind = "no_gap" if nothing else "unexplained"
+    elif remains <= settings.left:
+        kind = "explained" if clear else "ambiguous"
     else:
-        explained = 1.0 - math.sqrt(remains / max(_typical(judgement, sets, judgement.none), 1e-300))
+        explained = 1.0 - math.sqrt(remains / max(before, 1e-300))
         shown = explained >= settings.little or bool(sets.known)
         kind = "partly_explained" if shown else "unexplained"
         if kind == "unexplained":

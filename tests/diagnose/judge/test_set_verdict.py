@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 from toysets import toy_hypothesis
 
 from gaitopt.diagnose.judge.set_verdict import at_work, conclude_sets, misfit_trials, stand_ins
@@ -70,9 +71,9 @@ def test_an_unusual_effect_beside_all_causes_does_not_stand_for_one() -> None:
     assert stand_ins(judgement, sets, ["damping"]) == ()
 
 
-def with_trials(left: list[float], before: list[float]) -> tuple[Any, Any]:
+def with_trials(left: list[float], before: list[float], moved: float = 5.0) -> tuple[Any, Any]:
     """A set of one effect, and what it and the nominal robot leave of each trial."""
-    judgement, sets = judged((1.0, {"trim": 5.0}))
+    judgement, sets = judged((1.0, {"trim": moved}))
     first, none = candidate(["trim"]), candidate([])
     first.left, none.left = np.array(left), np.array(before)
     trials = [SimpleNamespace(aligned=SimpleNamespace(trial=SimpleNamespace(name=f"{i}"))) for i in range(3)]
@@ -94,3 +95,13 @@ def test_a_trial_that_nothing_fits_does_not_hide_what_explains_the_others() -> N
 def test_where_most_trials_do_not_fit_nothing_is_explained() -> None:
     judgement, sets = with_trials([0.5, 26.0, 26.0], [0.6, 27.0, 27.0])
     assert conclude_sets(judgement, sets, 10).kind == "unexplained"
+
+
+@pytest.mark.parametrize(("none", "kind"), [(-12.0, "unexplained"), (-0.5, "no_gap")])
+def test_effects_that_each_do_less_than_shows_are_not_named_and_are_no_proof_of_no_gap(
+    none: float, kind: str
+) -> None:
+    """Only where nothing fits nearly as well as they do, there is nothing to explain."""
+    judgement, sets = with_trials([0.9, 1.1, 1.0], [1.3, 1.8, 1.5], moved=1.5)
+    verdict = conclude_sets(judgement, replace(sets, none=none), 10)
+    assert (verdict.kind, verdict.causes, verdict.ambiguous_with) == (kind, (), ())
