@@ -52,7 +52,9 @@ def conclude_sets(
     chance_alone = min(1.0, n_hypotheses * math.exp(min(0.0, sets.none - float(sets.scores[0]))))
     before = _typical(judgement, sets, judgement.none)
     if not causes:  # each effect does less than shows
-        nothing = before <= settings.left and chance_alone > settings.significance
+        # What a floor of the sensor alone does not hide under logged commands may be significant and tiny.
+        by_chance = chance_alone > settings.significance or not judgement.tolerant
+        nothing = before <= settings.left and by_chance
         kind = "no_gap" if nothing else "unexplained"
     elif remains <= settings.left:
         kind = "explained" if clear else "ambiguous"

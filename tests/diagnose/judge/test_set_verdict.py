@@ -80,7 +80,7 @@ def with_trials(left: list[float], before: list[float], moved: float = 5.0) -> t
     judge: Any = SimpleNamespace(
         heldout_left=lambda one: one.left, settings=SimpleNamespace(misfit=2.5), loss=None
     )
-    judgement.first, judgement.none = first, none
+    judgement.first, judgement.none, judgement.tolerant = first, none, True
     judgement.trial_set = SimpleNamespace(trials=trials)
     return judgement, replace(sets, judge=judge, candidates=(first,), none=-40.0)
 
