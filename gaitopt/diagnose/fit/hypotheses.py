@@ -61,6 +61,11 @@ class Hypothesis:
         """Return the coordinate at a share of the range."""
         return self.low + share * (self.high - self.low)
 
+    def coordinate_along(self, share: float) -> float:
+        """Return the coordinate at a share of the way from neutral to a bound: the lower one if negative."""
+        bound = self.high if share > 0.0 else self.low
+        return self.neutral + abs(share) * (bound - self.neutral)
+
     @property
     def share_limits(self) -> tuple[float, float]:
         """How far a fit may go, in ranges: beyond the searched range where the mechanism allows it."""

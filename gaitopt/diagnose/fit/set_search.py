@@ -140,7 +140,7 @@ class SetSearch:
                 first.setdefault(one.hypothesis.effect.name, one)
         order = sorted(first.values(), key=lambda one: one.hypothesis.effect.name not in grown.effects)
         begun = [
-            (one.hypothesis, _coordinate(one.hypothesis, math.copysign(share, one.share)))
+            (one.hypothesis, one.hypothesis.coordinate_along(math.copysign(share, one.share)))
             for one in order[: self.settings.widest_set]
         ]
         return [*self.known, *begun]
@@ -199,7 +199,7 @@ class SetSearch:
             work = [(h, _signed_share(h, at)) for h, at in points]
         else:
             work = [(h, share) for h in others for share in self._shares(fit, h)]
-            points = [(h, _coordinate(h, share)) for h, share in work]
+            points = [(h, h.coordinate_along(share)) for h, share in work]
         requests = [robot_request([*fit.point, point]) for point in points]
         best: dict[str, _Tried] = {}
         for (h, share), (_, at), robot in zip(work, points, self.fitter.simulate(requests), strict=True):
@@ -376,9 +376,3 @@ def _signed_share(hypothesis: Hypothesis, coordinate: float) -> float:
     bound = hypothesis.high if coordinate > hypothesis.neutral else hypothesis.low
     share = (coordinate - hypothesis.neutral) / (bound - hypothesis.neutral)
     return math.copysign(share, coordinate - hypothesis.neutral)
-
-
-def _coordinate(hypothesis: Hypothesis, share: float) -> float:
-    """Return the coordinate at a share of the way from neutral to the bound on that side."""
-    bound = hypothesis.high if share > 0.0 else hypothesis.low
-    return hypothesis.neutral + abs(share) * (bound - hypothesis.neutral)

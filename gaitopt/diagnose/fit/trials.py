@@ -118,7 +118,7 @@ class TrialSet:
         """The nominal problem."""
         return self.simulator.problem
 
-    @property
+    @cached_property
     def runs(self) -> dict[str, Run]:
         """What a robot has to do to be compared with them, by the drive's key."""
         return runs_of([one.aligned.trial for one in self.trials], [one.latest_s for one in self.trials])

@@ -90,7 +90,7 @@ def fitted_chance(
         name = hypothesis.effect.name
         if name not in OF_CHANCE or name in present or hypothesis.target != ALL:
             continue
-        at = [h_at for share in settings.shares if (h_at := _coordinate(hypothesis, share)) is not None]
+        at = [hypothesis.coordinate_along(share) for share in settings.shares]
         tried = context.runner.compare(trial_set, [robot_request([*point, (hypothesis, one)]) for one in at])
         values, ratios = list[float](), list[Array]()
         for one, robot in zip(at, tried, strict=True):
@@ -132,8 +132,3 @@ def fit_size(
     left = float(np.exp(0.5 * along[best].max()))
     effect = hypothesis.effect
     return [(float(squares[best]), Chance(effect.name, effect.parameter, float(grid[best]), ends, left))]
-
-
-def _coordinate(hypothesis: Hypothesis, share: float) -> float | None:
-    at = hypothesis.neutral + share * (hypothesis.high - hypothesis.neutral)
-    return at if hypothesis.effect.allows(hypothesis.value(at)) else None

@@ -216,7 +216,7 @@ def _explained_by_several(
     Args:
         tolerant: every candidate of one effect, by the covariance of the tolerances; for the trials, or for
             their beginnings.
-        wide: the candidates of one effect for whole trials.
+        wide: the whole trials.
         gap: the trials aligned with the nominal robot.
         hypotheses: the effects to try, each on its targets.
         context: simulates robots.

@@ -42,20 +42,17 @@ class Gap:
 
     def to_dict(self) -> dict[str, object]:
         """Return ``gap`` of ``diagnosis.json``."""
-        return {
-            "heldout_before_m": self.before,
-            "heldout_after_m": self.after,
-            "floor_m": self.floor,
-            "shrinkage": self.shrinkage,
-            "shrinkage_ci90": list(self.ci90),
-        }
+        return self._figures("m")
 
     def to_dict_in_rad(self) -> dict[str, object]:
         """Return ``gap_angles`` of ``diagnosis.json``: the gap is one of angles."""
+        return self._figures("rad")
+
+    def _figures(self, unit: str) -> dict[str, object]:
         return {
-            "heldout_before_rad": self.before,
-            "heldout_after_rad": self.after,
-            "floor_rad": self.floor,
+            f"heldout_before_{unit}": self.before,
+            f"heldout_after_{unit}": self.after,
+            f"floor_{unit}": self.floor,
             "shrinkage": self.shrinkage,
             "shrinkage_ci90": list(self.ci90),
         }
