@@ -330,22 +330,28 @@ class SetSearch:
         if self.responses is not None and best.hypotheses:
             twins = self._simulated(self._twins(best, self.responses))
             if twins:
-                self._fitted(twins, self.settings.twins)
+                self._fitted(twins, self.settings.refined)
 
     def _twins(self, fit: SetFit, responses: SingleResponses) -> list[SetFit]:
-        """Return the sets in which an effect gave way to one that alone does nearly the same."""
-        found: dict[frozenset[str], tuple[float, SetFit]] = {}
+        """Return the sets in which an effect gave way to one that alone does nearly the same.
+
+        Each effect gives way to a few others: those of one must not take the places of those of another.
+        """
+        found = list[SetFit]()
         for smaller in self._simulated([self.fitter.without_effect(fit, i) for i in self._droppable(fit)]):
+            best: dict[str, tuple[float, SetFit]] = {}
             for h in self.hypotheses:
                 if h.effect.name in fit.effects:
                     continue
                 at, robot, cosine = responses.likest(smaller.robot, fit.robot, h)
                 if robot is not None and cosine >= self.settings.alike:
                     beside = self._beside(smaller, h, at, robot)
+                    one = (self._expected(beside), beside)
                     if beside.names not in self.found:
-                        found[beside.names] = (-cosine, beside)
-        ordered = sorted(found.values(), key=lambda one: one[0])
-        return [beside for _, beside in ordered[: self.settings.twins]]
+                        best[h.effect.name] = min(best.get(h.effect.name, one), one, key=lambda o: o[0])
+            ordered = sorted(best.values(), key=lambda one: one[0])
+            found += [beside for _, beside in ordered[: self.settings.twins]]
+        return found
 
     def _finish(self) -> None:
         """Fit the leading sets well, so that sets are compared by what they can do."""

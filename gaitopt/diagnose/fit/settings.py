@@ -257,8 +257,8 @@ class SetSettings:
         dropped: sets with one effect less that are fitted, at most.
         swapped: sets with one effect exchanged that are fitted, at most.
         exchanges: number of exchanges after an addition, at most.
-        alike: cosine from which an effect does nearly the same as one of the best set: it takes its place in
-        twins: this many such sets at most.
+        alike: cosine from which an effect does nearly the same as one of the best set: so it takes its place.
+        twins: effects that take the place of each effect so, at most.
         begun: a second search sets out from so many sets of the first one at most,
         begun_within: which score at most this much worse than the best.
         leading: sets that score at most this much worse than the best are finished,
@@ -313,8 +313,8 @@ class SetSettings:
     dropped: int = 1
     swapped: int = 4
     exchanges: int = 2
-    alike: float = 0.85
-    twins: int = 3
+    alike: float = 0.6
+    twins: int = 2
     begun: int = 4
     begun_within: float = 24.0
     leading: float = 12.0

@@ -81,6 +81,17 @@ def test_an_effect_that_does_nearly_the_same_is_fitted_in_place_of_a_found_one()
     assert frozenset({"effect_8", "effect_4"}) in found.found
 
 
+def test_the_likes_of_one_effect_do_not_take_the_places_of_those_of_another() -> None:
+    rig = bench({"effect_0": 0.5, "effect_4": 0.3}, 2, effects=14)
+    one, other, aside = (rig.responses[f"effect_{i}"] for i in (0, 4, 7))
+    for number in (1, 2, 3, 5, 6, 9, 10, 11, 12):
+        rig.responses[f"effect_{number}"] = lambda value, i=number: one(value) + 0.02 * i * aside(value)
+    rig.responses["effect_8"] = lambda value: other(value) + 0.6 * aside(value)
+    found = search(rig, begin=("effect_0", "effect_4"))
+    found.run()
+    assert any("effect_8" in names and len(names) == 2 for names in found.found)
+
+
 def test_the_likest_robot_is_that_of_the_nearest_value() -> None:
     rig = bench({}, 3)
     h, other = rig.hypotheses[0], rig.hypotheses[1]
