@@ -68,7 +68,7 @@ DIAGNOSIS: Mapping[str, Stage] = {
     "floor": Stage("gaitopt.diagnose.diagnosis:measure_floors"),
     "first covariance": Stage("gaitopt.diagnose.judge.find_causes:prepare_trials"),
     "fitting": Stage("gaitopt.diagnose.judge.find_causes:fit_all"),
-    "finishing": Stage("gaitopt.diagnose.fit.schedule:finish"),
+    "finishing": Stage("gaitopt.diagnose.judge.find_causes:finish"),
     "refine covariance": Stage("gaitopt.diagnose.judge.judgement:Judgement.refine_covariance"),
     "pairs": Stage("gaitopt.diagnose.fit.pair_search:PairSearch.run"),
     "next experiment": Stage("gaitopt.diagnose.diagnosis:propose"),

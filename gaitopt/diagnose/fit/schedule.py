@@ -25,7 +25,7 @@ def fit_all(
     runner: Runner,
     settings: FitSettings = FIT,
 ) -> list[Fit]:
-    """Screen every hypothesis, then fit those that have a chance, in rounds.
+    """Screen every hypothesis, then fit those that have a chance, in rounds; the best are not finished.
 
     Args:
         trial_set: the trials.
@@ -38,12 +38,17 @@ def fit_all(
         One fit for each hypothesis, in order.
     """
     fits = [Fit.of(hypothesis, trial_set, nominal, settings) for hypothesis in hypotheses]
-    complete(fits, runner, settings)
+    _screen(fits, runner, settings)
     return fits
 
 
 def complete(fits: Sequence[Fit], runner: Runner, settings: FitSettings = FIT) -> None:
-    """Screen every hypothesis where it was not simulated, then fit those that have a chance, in rounds."""
+    """Screen every hypothesis where it was not simulated, then fit those that have a chance, and finish."""
+    _screen(fits, runner, settings)
+    finish(fits, runner, settings)
+
+
+def _screen(fits: Sequence[Fit], runner: Runner, settings: FitSettings) -> None:
     _fit(fits, [(fit, at) for fit in fits for at in fit.unscreened()], runner, settings)
 
 
@@ -70,8 +75,8 @@ def fit_leading(
     leading = _leading(heads, settings.hopeless_head)[: settings.leading_head]
     chosen = [fits[i] for i in leading]
     _fit(chosen, [(fits[i], at) for i in leading for at in heads[i].around_best()], runner, settings)
-    free = [fit for fit in fits if fit.hypothesis.measurement_only and fit not in chosen]
-    _fit(free, [(fit, at) for fit in free for at in fit.unscreened()], runner, settings)
+    finish(chosen, runner, settings)
+    complete([fit for fit in fits if fit.hypothesis.measurement_only and fit not in chosen], runner, settings)
     return fits
 
 
@@ -82,7 +87,6 @@ def _fit(
     stage = runner.stage(FITTING, len(first) + sum(min(most, len(fits)) for most in settings.rounds))
     _simulate(first, stage)
     _refine(fits, stage, settings)
-    finish(fits, runner, settings)
 
 
 def _refine(fits: Sequence[Fit], stage: Stage, settings: FitSettings) -> None:

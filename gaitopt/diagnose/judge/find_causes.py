@@ -13,7 +13,7 @@ from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.pair_search import PairSearch
 from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.diagnose.fit.runner import FITTING_PAIRS
-from gaitopt.diagnose.fit.schedule import complete, fit_all, fit_leading
+from gaitopt.diagnose.fit.schedule import complete, finish, fit_all, fit_leading
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floors
@@ -141,6 +141,8 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
     tolerant = with_tolerances(first, context) if falls_short(first) else None
     if tolerant is not None and _likelier(tolerant, log_evidence(first, 2), 2):
         return _explained_by_several(tolerant, judgement, gap, hypotheses, context)
+    finish(first.fits, context.runner, settings.fit)
+    first = replace(first)  # it keeps the candidates of unfinished fits
     wide = _fitted_to_whole_trials(judgement, first, context)
     short = falls_short(wide)
     found = _explained(wide.refine_covariance(context), gap, trial_set, context)
