@@ -19,18 +19,29 @@ _Probability = Annotated[float, Field(ge=-1e-9, le=1.0 + 1e-9), PLAIN_NUMBER]
 """A probability, to within the rounding of a sum."""
 
 
-class FittedParameter(BaseModel):
-    """A parameter as ``diagnosis.json`` has it; a number that is not finite is null there."""
+class _Estimated(BaseModel):
+    """A figure with its 90 % interval; a number that is not finite is null in ``diagnosis.json``."""
 
     model_config = ConfigDict(frozen=True)
 
-    value: PlainNumber | None
     ci90: tuple[PlainNumber | None, PlainNumber | None]
 
     def covers(self, value: float) -> bool:
         """Whether a value lies in the 90 % interval."""
         low, high = self.ci90
         return low is not None and high is not None and low <= value <= high
+
+
+class FittedParameter(_Estimated):
+    """A parameter as ``diagnosis.json`` has it."""
+
+    value: PlainNumber | None
+
+
+class ExpectedSpeed(_Estimated):
+    """A speed as ``diagnosis.json`` predicts it, m/s."""
+
+    mean: PlainNumber | None
 
 
 class AnsweredEffect(BaseModel):
@@ -54,6 +65,15 @@ class AnsweredGap(BaseModel):
     shrinkage: PlainNumber | None
 
 
+class PredictedSpeed(BaseModel):
+    """A row of ``predictions`` in ``diagnosis.json``, as far as it is scored: logs have no speed."""
+
+    model_config = ConfigDict(frozen=True)
+
+    gait: str
+    speed_m_s: ExpectedSpeed | None = None
+
+
 class Answer(BaseModel):
     """A ``diagnosis.json``, as far as it is scored."""
 
@@ -66,6 +86,7 @@ class Answer(BaseModel):
     other_probability: _Probability | None
     gap: AnsweredGap
     misfit_trials: dict[str, PlainNumber] = {}
+    predictions: tuple[PredictedSpeed, ...] = ()
 
 
 class KnownParameter(BaseModel):
@@ -111,6 +132,13 @@ class Case(BaseModel):
     def false_causes(self) -> list[str]:
         """The causes that were not planted."""
         return [name for name in self.diagnosis.causes if name not in self.planted]
+
+    @property
+    def speeds(self) -> list[tuple[float, ExpectedSpeed]]:
+        """The true speed of each baseline that was not recorded, m/s, and what the diagnosis expects."""
+        expected = {row.gait: row.speed_m_s for row in self.diagnosis.predictions}
+        pairs = [(true, expected.get(name)) for name, true in self.truth.speeds_m_s.items()]
+        return [(true, one) for true, one in pairs if one is not None]
 
     @property
     def answer(self) -> list[str]:

@@ -153,6 +153,7 @@ def make_case(
         seen=dict(recording.seen),
         trials=tuple(recording.paths),
         misfits={name: misfit.name for name, misfit in recording.misfits.items()},
+        speeds_m_s=dict(recording.speeds),
     )
     seal(out, case_name(index), truth)
     return faint

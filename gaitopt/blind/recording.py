@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
@@ -19,9 +20,13 @@ from gaitopt.blind.misfits import Misfit, draw_misfit, walk_with
 from gaitopt.core.errors import bad_value
 from gaitopt.core.files import csv_text, write_text
 from gaitopt.diagnose.judge.small_errors import with_small_errors
+from gaitopt.gait.gait import Gait
+from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
+from gaitopt.problem.robot import Robot
 from gaitopt.robot.signals import is_position, measured_column_of
 from gaitopt.robot.trajectory import Trajectory
+from gaitopt.simulation.metrics import SPEED, measure
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
 from gaitopt.simulation.tolerances import draw_errors, draw_measurement
@@ -59,6 +64,7 @@ class Recording:
         figures: the robot's numerics and the camera, for the sealed truth.
         seen: of several effects, how far each moves the robot beside the others, in floors; by effect.
         misfits: what is wrong with trials that do not fit the others.
+        speeds: how fast it goes in the baselines that were not recorded, from the nominal pose, m/s.
     """
 
     paths: Mapping[str, Trajectory]
@@ -67,6 +73,7 @@ class Recording:
     figures: Mapping[str, float]
     seen: Mapping[str, float]
     misfits: Mapping[str, Misfit]
+    speeds: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -142,12 +149,26 @@ def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor:
         )
         for label, one in {_CASE: draw, **others}.items()
     }
+    robot = numerics.robot(factory, draw)
+    unseen = {
+        name: executor.submit(_speed, factory.problem, robot, gait)
+        for name, gait in factory.problem.baselines.items()
+        if name not in factory.gaits
+    }
     paths = {label: {n: f.result() for n, f in of_robot.items()} for label, of_robot in futures.items()}
     fitting = {name: path for name, path in paths[_CASE].items() if name not in misfits}
     gaps = {label: factory.gap({n: paths[label][n] for n in fitting}, fitting) for label in others}
     gap = gaps.pop(_NOTHING, 0.0)
     camera = Camera(known, fps, noise)
-    return Recording(paths[_CASE], gap, camera, figures | {"known": float(known)}, gaps, misfits)
+    figures["known"] = float(known)
+    speeds = {name: future.result() for name, future in unseen.items()}
+    going = {name: speed for name, speed in speeds.items() if math.isfinite(speed)}
+    return Recording(paths[_CASE], gap, camera, figures, gaps, misfits, going)
+
+
+def _speed(problem: Problem, robot: Simulator, gait: Gait) -> float:
+    """Return the forward speed of a robot, m/s; NaN if it cannot be simulated."""
+    return measure(problem, gait, robot.run(gait), Robot.of(robot.models[0]))[SPEED.name]
 
 
 def _without_each(draw: Draw) -> dict[str, Draw]:

@@ -111,6 +111,7 @@ class Score:
         misfits_found: trials that do not fit the others, named as such.
         misfits_false: other trials of such cases that were named so.
         coverage: true parameter inside its interval, where the effect was found.
+        speeds_covered: speeds of baselines that were not recorded inside their intervals; all kinds.
         parameter_error: relative error of the parameter, where the effect was found.
         shrinkage_of_oracle: shrinkage of the gap, in that of the true effect.
         calibration: probability of the first cause against how often it was right.
@@ -134,6 +135,7 @@ class Score:
     misfits_found: Estimate
     misfits_false: Estimate
     coverage: Estimate
+    speeds_covered: Estimate
     parameter_error: Estimate
     shrinkage_of_oracle: Estimate
     calibration: tuple[CalibrationBin, ...]
@@ -184,6 +186,9 @@ def score(cases: Sequence[Case], settings: ScoreSettings = ScoreSettings()) -> S
         misfits_found=rate([t for t in trials if _is_misfit(t)], _is_called_misfit, settings),
         misfits_false=rate([t for t in trials if not _is_misfit(t)], _is_called_misfit, settings),
         coverage=rate(known, lambda p: p.fitted.covers(p.true), settings),
+        speeds_covered=rate(
+            [pair for c in large for pair in c.speeds], lambda pair: pair[1].covers(pair[0]), settings
+        ),
         parameter_error=mean(errors, settings),
         shrinkage_of_oracle=mean(_of_oracle(singles, settings), settings),
         calibration=tuple(_calibration(singles, settings)),
@@ -289,6 +294,7 @@ def sentences(record: Score) -> list[str]:
         "trials that do not fit, found": record.misfits_found,
         "trials that fit, called misfits": record.misfits_false,
         "90 % intervals that cover": record.coverage,
+        "speeds of gaits not filmed, in their 90 % interval": record.speeds_covered,
     }
     means = {
         "mean size of the set": record.mean_set_size,

@@ -50,6 +50,7 @@ class Truth(BaseModel):
         seen: of several effects, how far each moves the robot beside the others, in floors; by effect.
         trials: names of the trials.
         misfits: those that do not fit the others, and what is wrong with each.
+        speeds_m_s: how fast the robot goes in the baselines that were not recorded, m/s, by their names.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -61,6 +62,7 @@ class Truth(BaseModel):
     seen: dict[str, PlainNumber] = {}
     trials: tuple[str, ...] = ()
     misfits: dict[str, str] = {}
+    speeds_m_s: dict[str, PlainNumber] = {}
 
     @model_validator(mode="after")
     def _planted(self) -> Truth:

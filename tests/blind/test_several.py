@@ -40,6 +40,8 @@ def test_each_of_several_effects_is_seen_beside_the_others(arcfold: Problem, tmp
         several = len(truth.effects) > 1
         assert set(truth.seen) == ({effect.name for effect in truth.effects} if several else set())
         assert truth.trials == tuple(PLAN.gaits)
+        assert set(truth.speeds_m_s) == set(arcfold.baselines) - set(PLAN.gaits)
+        assert all(0.0 < abs(speed) < 0.2 for speed in truth.speeds_m_s.values())
         assert len(truth.misfits) == 1, "half of the trials fit at least"
         assert (tmp_path / case / "dataset.toml").is_file()
 
@@ -101,6 +103,20 @@ def case(named: list[str], misfits: dict[str, float]) -> Case:
         "misfit_trials": misfits,
     }
     return Case(name="case-000", truth=truth, diagnosis=Answer.model_validate(json.loads(json.dumps(answer))))
+
+
+def test_predicted_speeds_are_scored_by_their_intervals() -> None:
+    """Of gaits that were not recorded; a robot that cannot be simulated has no interval."""
+    one = case(["servo_trim"], {})
+    rows = [("2s", [0.01, 0.02]), ("0.35s", [0.05, 0.06]), ("0.3s", [None, None]), ("4s", [0.0, 0.1])]
+    predicted = [{"gait": gait, "filmed": False, "speed_m_s": {"mean": 0.0, "ci90": e}} for gait, e in rows]
+    logged = {"gait": "a log", "filmed": True, "rms": {}}
+    answer = Answer.model_validate(one.diagnosis.model_dump() | {"predictions": [*predicted, logged]})
+    speeds = {"2s": 0.015, "0.35s": 0.04, "0.3s": 0.05}
+    truth = one.truth.model_copy(update={"speeds_m_s": speeds})
+    record = score([one.model_copy(update={"truth": truth, "diagnosis": answer})])
+    assert (record.speeds_covered.value, record.speeds_covered.cases) == (1 / 3, 3)
+    assert record.to_dict()["speeds_covered"] == record.speeds_covered.to_dict()
 
 
 def test_effects_that_cannot_be_seen_need_not_be_named() -> None:

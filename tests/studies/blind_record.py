@@ -30,6 +30,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from against_truth import against_truth, worth
 from kept import read_kept, version, write_kept
 from shared_rollouts import shared_rollouts
 
@@ -173,13 +174,14 @@ def run_case(
     dataset = load_dataset(work / name, problem, [s for s in simulator.signals if s])
     memory = SimulationCache.of(work / "memory" / name, simulator, dataset, 1)
     begun, spent = time.monotonic(), time.process_time()
-    content = diagnose(simulator, dataset, REQUEST, executor, cache=memory).to_dict()
+    diagnosis = diagnose(simulator, dataset, REQUEST, executor, cache=memory)
     if not times.exists():  # a diagnosis from memory would be too quick
         times.parent.mkdir(parents=True, exist_ok=True)
         took = {"wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - spent}
         write_text(times, json.dumps(took))
     truth = json.loads(sealed.read_text())
-    found = scored(truth, content) | json.loads(times.read_text())
+    beside = against_truth(diagnosis, truth, executor, REQUEST.seed)
+    found = scored(truth, diagnosis.to_dict()) | beside | json.loads(times.read_text())
     row = head | {"truth": truth, "diagnosis": found}
     print(_line(row), flush=True)
     return row
@@ -203,7 +205,8 @@ def scored(truth: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]:
     planted = [row["name"] for row in truth["effects"]]
     names = {*planted, *content["causes"], *content["ambiguous_with"]}
     effects = [r for r in content["effects"] if r["name"] in names or r["alike"] >= FitSettings.alike]
-    return {key: content[key] for key in SCORED} | {"effects": effects}
+    expected = [r for r in content["predictions"] if r["gait"] in truth["speeds_m_s"]]
+    return {key: content[key] for key in SCORED} | {"effects": effects, "predictions": expected}
 
 
 def _line(row: dict[str, Any]) -> str:
@@ -231,6 +234,7 @@ def write_record(out: Path, plan: str, rows: list[dict[str, Any]]) -> None:
         "versions": sorted({row["version"] for row in rows}),
         "cost": _cost(known),
         "alike": alike(cases),
+        "worth": worth(known, cases),
     }
     figures = {key: value for key, value in record.to_dict().items() if key != "rows"}
     write_text(out / f"{plan}.json", to_json(figures | more))
