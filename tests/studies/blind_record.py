@@ -4,6 +4,7 @@
     python tests/studies/blind_record.py full --work /tmp/blind-full --out results/blind
     python tests/studies/blind_record.py pairs --work /tmp/blind-pairs --out results/blind
     python tests/studies/blind_record.py x-alone --work /tmp/blind-x --out results/blind
+    python tests/studies/blind_record.py mixed --work /tmp/blind-mixed --out results/blind
     python tests/studies/blind_record.py several --work /tmp/blind-several --out results/blind
     python tests/studies/blind_record.py several-x --work /tmp/blind-several-x --out results/blind
 
@@ -100,6 +101,11 @@ def _x_alone() -> Plan:
     return Plan(852, ("marker.x",), tuple((kind, None) for kind, count in counts for _ in range(count)))
 
 
+def _mixed() -> Plan:
+    """All kinds but several effects, in random order, so that any first part of them is a fair sample."""
+    return Plan(885, None, tuple((kind, None) for kind in kinds_of(40, 885)))
+
+
 def _several() -> Plan:
     """Robots that are a little wrong in everything, with one to four effects and misfit trials."""
     return Plan(883, None, (("several", None),) * 120)
@@ -115,6 +121,7 @@ PLANS: dict[str, Callable[[], Plan]] = {
     "full": _full,
     "pairs": _pairs,
     "x-alone": _x_alone,
+    "mixed": _mixed,
     "several": _several,
     "several-x": _several_x,
 }
