@@ -92,7 +92,7 @@ def angles(mjcf: str, effects: Planted, logs: Sequence[Log], step_s: float = STE
         step_s: time step, s; the time between two rows is a multiple of it.
     """
     servos = list(planted(mjcf, effects).values())
-    hand = _Hand(mjcf, servos, effects.get(("servo_sag", "all"), 0.0), step_s)
+    hand = Mechanism(mjcf, servos, effects.get(("servo_sag", "all"), 0.0), step_s)
     hand.place([log.start for log in logs])
     rows, each, before = len(logs[0].rows), round(logs[0].row_s / step_s), round(SETTLE_S / step_s)
     asked, powered = followed(servos, logs, before + each * (rows - 1), before, step_s)
@@ -106,7 +106,7 @@ def angles(mjcf: str, effects: Planted, logs: Sequence[Log], step_s: float = STE
 
 
 @dataclass
-class _Hand:
+class Mechanism:
     """The mechanism as it moves.
 
     Attributes:
@@ -147,6 +147,11 @@ class _Hand:
 
     def advance(self, targets: Sequence[float], powered: Sequence[float]) -> None:
         """Advance by a step under these targets, rad."""
+        self.drive(targets, powered)
+        mujoco.mj_step(self.model, self.data)
+
+    def drive(self, targets: Sequence[float], powered: Sequence[float]) -> None:
+        """Set the torques and the dry friction of the servos for a step under these targets, rad."""
         model, data = self.model, self.data
         limits = [servo.limit * (1.0 - self.sag * self.drawn) for servo in self.servos]
         total = 0.0
@@ -161,7 +166,6 @@ class _Hand:
             total += abs(torque)
         share = min(1.0, total / sum(servo.limit for servo in self.servos))
         self.drawn += self.step_s / SUPPLY_S * (share - self.drawn)
-        mujoco.mj_step(model, data)
 
 
 def _without_actuators(mjcf: str, servos: Sequence[Servo]) -> str:
