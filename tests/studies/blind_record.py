@@ -40,6 +40,7 @@ from gaitopt.blind.cases import CaseRequest, kinds_of, make_case
 from gaitopt.blind.disturbances import OUTSIDE
 from gaitopt.blind.factory import CaseFactory, RecordingPlan
 from gaitopt.blind.scoring import Score, score, sentences
+from gaitopt.blind.sealed import truth_path
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
@@ -167,16 +168,27 @@ def run_case(
 ) -> dict[str, Any]:
     """Make and diagnose one case; return its record."""
     name = f"case-{index:03d}"
-    head = {"case": name, "seed": seed, "version": version()}
-    sealed, times = work / "sealed" / f"{name}.json", work / "times" / f"{name}.json"
     try:
-        if not sealed.exists():
+        if not truth_path(work, name).exists():
             plan = RecordingPlan(list(factory.gaits), factory.seconds, factory.signals)
             make_case(factory, work, index, kind, CaseRequest([kind], seed, plan, only), executor)
     except GaitoptError as unreachable:
         print(f"{name}: {unreachable}", flush=True)
-        return head | {"unreachable": only or kind}
-    problem = factory.problem
+        return {"case": name, "seed": seed, "version": version(), "unreachable": only or kind}
+    return diagnosed(factory.problem, work, name, seed, executor)
+
+
+def diagnosed(problem: Problem, work: Path, name: str, seed: int, executor: Executor) -> dict[str, Any]:
+    """Diagnose one case, and return its record.
+
+    Args:
+        problem: the nominal robot.
+        work: the folder of the cases and of their sealed truth; simulations are kept there.
+        name: the case.
+        seed: that of the record.
+        executor: where robots are simulated.
+    """
+    sealed, times = truth_path(work, name), work / "times" / f"{name}.json"
     simulator = Simulator.build(problem)
     dataset = load_dataset(work / name, problem, [s for s in simulator.signals if s])
     memory = SimulationCache.of(work / "memory" / name, simulator, dataset, 1)
@@ -189,7 +201,7 @@ def run_case(
     truth = json.loads(sealed.read_text())
     beside = against_truth(diagnosis, truth, executor, REQUEST.seed)
     found = scored(truth, diagnosis.to_dict()) | beside | json.loads(times.read_text())
-    row = head | {"truth": truth, "diagnosis": found}
+    row = {"case": name, "seed": seed, "version": version(), "truth": truth, "diagnosis": found}
     print(_line(row), flush=True)
     return row
 
