@@ -109,7 +109,7 @@ def _mixed() -> Plan:
 
 def _several() -> Plan:
     """Robots that are a little wrong in everything, with one to four effects and misfit trials."""
-    return Plan(883, None, (("several", None),) * 120)
+    return Plan(893, None, (("several", None),) * 120)
 
 
 def _several_x() -> Plan:
