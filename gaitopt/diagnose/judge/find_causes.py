@@ -25,7 +25,6 @@ from gaitopt.diagnose.judge.gait_sets import (
     judged_by_gait_sets,
     log_evidence,
     log_evidence_of,
-    two_explain,
     with_tolerances,
 )
 from gaitopt.diagnose.judge.gap import GapMeter
@@ -118,8 +117,7 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
     """Fit and judge every hypothesis, and pairs of them if one effect is not enough.
 
     Sets of any size are searched under logged commands, which start anew in each trial, so that responses are
-    smooth; and where the recordings are more probable if the robot is a little wrong in everything, or no two
-    effects on an exactly made robot explain them.
+    smooth; and where the recordings are more probable if the robot is a little wrong in everything.
 
     Args:
         gap: the trials aligned with the nominal robot.
@@ -145,9 +143,6 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
         return _explained_by_several(tolerant, judgement, gap, hypotheses, context)
     finish(first.fits, context.runner, settings.fit)
     first = replace(first)  # it keeps the candidates of unfinished fits
-    if falls_short(first) and not two_explain(first):
-        tolerant = tolerant or with_tolerances(first, context)
-        return _explained_by_several(tolerant, judgement, gap, hypotheses, context)
     wide = _fitted_to_whole_trials(judgement, first, context)
     short = falls_short(wide)
     found = _explained(wide.refine_covariance(context), gap, trial_set, context)

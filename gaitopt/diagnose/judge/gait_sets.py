@@ -104,32 +104,12 @@ def log_evidence(judgement: Judgement, most: int = 1) -> float:
         judgement: the trials and the fits of single effects.
         most: 1 for the best single effect, 2 for the best sum of two as well.
     """
-    return max(_log_evidence(judgement.trial_set, whitened) for whitened in _explained(judgement, most))
-
-
-def two_explain(judgement: Judgement) -> bool:
-    """Whether the sum of two effects leaves of each trial not much more than a correct model.
-
-    Args:
-        judgement: the trials and the fits of single effects.
-    """
-    trial_set, limit = judgement.trial_set, judgement.settings.verdict.two_left
-    return any(_left(trial_set, whitened).max() <= limit for whitened in _explained(judgement, 2))
-
-
-def _explained(judgement: Judgement, most: int) -> list[Array]:
-    """Return the residual with the best single effect, and with promising sums of two if `most` is 2."""
     best = min(judgement.fits, key=lambda fit: float(fit.loss().sum()))
     tried = [best.at_best("whitened")]
     if most > 1:
         sums = promising_sums(judgement.fits, judgement.nominal, judgement.settings.pairs)
         tried += [one.whitened(judgement.nominal) for one in sums]
-    return tried
-
-
-def _left(trial_set: TrialSet, whitened: Array) -> Array:
-    """Return the mean whitened square of each trial, shape (trials,)."""
-    return trial_set.by_trial(trial_set.losses(whitened)) / trial_set.by_trial(trial_set.rows_per_block)
+    return max(_log_evidence(judgement.trial_set, whitened) for whitened in tried)
 
 
 def log_evidence_of(candidate: Candidate, judgement: Judgement) -> float:
@@ -138,7 +118,8 @@ def log_evidence_of(candidate: Candidate, judgement: Judgement) -> float:
 
 
 def _log_evidence(trial_set: TrialSet, whitened: Array) -> float:
-    rows, left = trial_set.by_trial(trial_set.rows_per_block), _left(trial_set, whitened)
+    rows = trial_set.by_trial(trial_set.rows_per_block)
+    left = trial_set.by_trial(trial_set.losses(whitened)) / rows
     factors = np.maximum(1.0, left)
     return -0.5 * (float(rows @ (np.log(factors) + left / factors)) + trial_set.log_determinant)
 

@@ -145,8 +145,6 @@ class VerdictSettings:
         above_none: an effect joins the answer beside the first if it is this many times as probable as none.
         try_pairs: pairs are tried where the best effect leaves more than this; a correct one nearly always
             leaves less.
-        two_left: the sum of two effects explains an exactly made robot if it leaves at most this of a trial;
-            small errors of everything are likelier where it leaves more.
         pair_errors: standard errors by which two effects must predict better than one.
         pair_gain: share of the loss of one effect that two may leave at most.
         little: an effect that takes away a smaller part of the whitened residual than this explains nothing.
@@ -168,7 +166,6 @@ class VerdictSettings:
     significance: float = 0.02
     above_none: float = 3.0
     try_pairs: float = 1.2
-    two_left: float = 1.5
     pair_errors: float = 1.0
     pair_gain: float = 0.75
     little: float = 0.3

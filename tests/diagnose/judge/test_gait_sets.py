@@ -12,7 +12,7 @@ from gaitopt import Problem
 from gaitopt.core.streams import seeded
 from gaitopt.diagnose.fit.robust import WideLoss
 from gaitopt.diagnose.gap.floor import Floor
-from gaitopt.diagnose.judge.gait_sets import floors_apart, log_evidence, two_explain
+from gaitopt.diagnose.judge.gait_sets import floors_apart, log_evidence
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.small_errors import tolerant_robots
 from gaitopt.simulation.rollout import Simulator
@@ -68,22 +68,6 @@ def test_the_tolerances_are_likelier_where_what_is_left_is_what_they_allow() -> 
     allowed = noise + 28.0 * np.eye(40)[0]
     assert log_evidence(judgement_of(allowed, True)) > log_evidence(judgement_of(allowed, False)) + 10.0
     assert log_evidence(judgement_of(noise, True)) < log_evidence(judgement_of(noise, False)) - 1.0
-
-
-@pytest.mark.parametrize(("planted", "explained"), [(0.0, True), (3.0, False)])
-def test_two_effects_explain_an_exact_robot_only_if_their_sum_leaves_little_of_every_trial(
-    planted: float, explained: bool
-) -> None:
-    rng, rows = seeded(5), 120
-    one, other, third = (4.0 * rng.standard_normal(rows) for _ in range(3))
-    third[: rows // 2] = 0.0  # only the second trial shows it
-    trial_set = toy_trials(rows, 6, trials=2)
-    measured = 0.5 * one + 0.7 * other + planted * third + rng.standard_normal(rows)
-    fits = [
-        toy_fit(trial_set, measured, lambda value, d=d: value * d, [0.0, 0.5, 1.0], name=name)
-        for name, d in (("one", one), ("other", other))
-    ]
-    assert two_explain(Judgement(trial_set, toy_comparison([0.0], measured), tuple(fits))) == explained
 
 
 def test_how_far_robots_are_apart_is_counted_in_floors_of_the_worst_trial() -> None:
