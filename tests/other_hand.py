@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import TypeVar
 
 import mujoco
 import numpy as np
@@ -37,6 +38,8 @@ SUPPLY_S = 0.01
 
 _STIFF = [5e-4, 1.0], [0.9999, 0.9999, 1e-3, 0.5, 2.0]
 """Time constant, damping ratio and impedance of dry friction and of stops."""
+
+Seen = TypeVar("Seen")
 
 Planted = Mapping[tuple[str, str], float]
 """Values of effects by name and target, ``all`` or a channel."""
@@ -94,15 +97,7 @@ def angles(mjcf: str, effects: Planted, logs: Sequence[Log], step_s: float = STE
     servos = list(planted(mjcf, effects).values())
     hand = Mechanism(mjcf, servos, effects.get(("servo_sag", "all"), 0.0), step_s)
     hand.place([log.start for log in logs])
-    rows, each, before = len(logs[0].rows), round(logs[0].row_s / step_s), round(SETTLE_S / step_s)
-    asked, powered = followed(servos, logs, before + each * (rows - 1), before, step_s)
-    found = np.empty((rows, len(logs)))
-    for step, (targets, on) in enumerate(zip(asked.tolist(), powered.tolist(), strict=True)):
-        if step >= before and (step - before) % each == 0:
-            found[(step - before) // each] = hand.angles
-        hand.advance(targets, on)
-    found[-1] = hand.angles
-    return found
+    return np.array(hand.play(logs, lambda: hand.angles))
 
 
 @dataclass
@@ -144,6 +139,23 @@ class Mechanism:
         for one in range(model.neq):
             led, leader = (int(model.jnt_qposadr[i[one]]) for i in (model.eq_obj1id, model.eq_obj2id))
             pose[led] = model.eq_data[one, 1] * pose[leader]
+
+    def play(self, logs: Sequence[Log], see: Callable[[], Seen]) -> list[Seen]:
+        """Follow the commands of the servos, and return what is seen at the time of each row, before it acts.
+
+        Args:
+            logs: the commands of each servo, with rows at the same times.
+            see: called then.
+        """
+        each, before = round(logs[0].row_s / self.step_s), round(SETTLE_S / self.step_s)
+        steps = before + each * (len(logs[0].rows) - 1)
+        asked, powered = followed(self.servos, logs, steps, before, self.step_s)
+        found = []
+        for step, (targets, on) in enumerate(zip(asked.tolist(), powered.tolist(), strict=True)):
+            if step >= before and (step - before) % each == 0:
+                found.append(see())
+            self.advance(targets, on)
+        return [*found, see()]
 
     def advance(self, targets: Sequence[float], powered: Sequence[float]) -> None:
         """Advance by a step under these targets, rad."""

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from other_hand import CHANNELS, SETTLE_S, Mechanism, Planted, planted
-from other_servo import EFFECTS, Log, Servo, followed
+from other_servo import EFFECTS, Log, Servo
 
 Array = NDArray[np.float64]
 
@@ -113,17 +113,14 @@ def walk(
         rng: chance of the grip and of the start; None: none.
     """
     robot = _Walker(mjcf, effects, errors, numerics, rng)
-    servos, each = robot.servos, round(ROW_S / numerics.step_s)
     logs = [Log(column, held=0.0, row_s=ROW_S) for column in rows.T]
-    before = round(SETTLE_S / numerics.step_s)
-    asked, powered = followed(servos, logs, before + each * (len(rows) - 1), before, numerics.step_s)
-    marker, middle = np.empty((len(rows), 3)), np.empty(len(rows))
-    for step, (targets, on) in enumerate(zip(asked.tolist(), powered.tolist(), strict=True)):
-        if step >= before and (step - before) % each == 0:
-            marker[(step - before) // each], middle[(step - before) // each] = robot.seen
-        robot.advance(targets, on)
-    marker[-1], middle[-1] = robot.seen
-    return Walk(np.arange(len(rows)) * ROW_S, marker, middle)
+    marker, middle = zip(*robot.play(logs, lambda: robot.seen), strict=True)
+    return Walk(np.arange(len(rows)) * ROW_S, np.array(marker), np.array(middle))
+
+
+def apart(one: Array, other: Array) -> float:
+    """Return the RMS distance of two paths from their first points on, m; both of shape (n, 3)."""
+    return math.sqrt(float(np.mean(np.sum(((one - one[0]) - (other - other[0])) ** 2, axis=1))))
 
 
 class _Walker(Mechanism):
@@ -165,6 +162,7 @@ class _Walker(Mechanism):
             model.body(name).inertia *= 1.0 + error
         model.body_inertia[:] *= value("link_inertia", 1.0)
         model.body_mass[trunk] += value("payload_mass", 0.0)
+        self.weight = GRAVITY * float(model.body_mass.sum())
         model.body_ipos[trunk, 0] += value("com_offset", 0.0)
         self.data.xfrc_applied[trunk, 0] = -value("tether_drag", 0.0)
         self._set_up_hinges()
@@ -281,15 +279,9 @@ class _Walker(Mechanism):
 
     def _drawn(self) -> float:
         """Return a factor on a pad's coefficient for one step of its walk; its mean is 1."""
-        if self.rng is None or not self.sd:
-            return 1.0
+        assert self.rng is not None  # as `sd` is not 0
         spread = math.log1p(self.sd**2)
         return math.exp(self.rng.normal(-0.5 * spread, math.sqrt(spread)))
-
-    @property
-    def weight(self) -> float:
-        """Weight, N."""
-        return GRAVITY * float(self.model.body_mass.sum())
 
     def _feel(self, geoms: Array) -> None:
         """Measure the loads of the contacts, and which way the ground pushes the robot there."""

@@ -134,11 +134,11 @@ class Case(BaseModel):
         return [name for name in self.diagnosis.causes if name not in self.planted]
 
     @property
-    def speeds(self) -> list[tuple[float, ExpectedSpeed]]:
+    def speeds(self) -> dict[str, tuple[float, ExpectedSpeed]]:
         """The true speed of each baseline that was not recorded, m/s, and what the diagnosis expects."""
-        expected = {row.gait: row.speed_m_s for row in self.diagnosis.predictions}
-        pairs = [(true, expected.get(name)) for name, true in self.truth.speeds_m_s.items()]
-        return [(true, one) for true, one in pairs if one is not None]
+        true = self.truth.speeds_m_s
+        rows = [row for row in self.diagnosis.predictions if row.gait in true]
+        return {row.gait: (true[row.gait], row.speed_m_s) for row in rows if row.speed_m_s is not None}
 
     @property
     def answer(self) -> list[str]:

@@ -143,15 +143,13 @@ def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor:
         figures["grip"] = draw.grip
     others = _without_each(draw) if draw.rows else {}
     numerics = Numerics(fidelity, impratio, errors_seed, draw.kind == "several")
+    robots = {label: numerics.robot(factory, one) for label, one in {_CASE: draw, **others}.items()}
     futures = {
-        label: _walks(
-            factory, numerics.robot(factory, one), poses, misfits if label == _CASE else {}, executor
-        )
-        for label, one in {_CASE: draw, **others}.items()
+        label: _walks(factory, robot, poses, misfits if label == _CASE else {}, executor)
+        for label, robot in robots.items()
     }
-    robot = numerics.robot(factory, draw)
     unseen = {
-        name: executor.submit(_speed, factory.problem, robot, gait)
+        name: executor.submit(_speed, factory.problem, robots[_CASE], gait)
         for name, gait in factory.problem.baselines.items()
         if name not in factory.gaits
     }

@@ -187,7 +187,9 @@ def score(cases: Sequence[Case], settings: ScoreSettings = ScoreSettings()) -> S
         misfits_false=rate([t for t in trials if not _is_misfit(t)], _is_called_misfit, settings),
         coverage=rate(known, lambda p: p.fitted.covers(p.true), settings),
         speeds_covered=rate(
-            [pair for c in large for pair in c.speeds], lambda pair: pair[1].covers(pair[0]), settings
+            [pair for c in large for pair in c.speeds.values()],
+            lambda pair: pair[1].covers(pair[0]),
+            settings,
         ),
         parameter_error=mean(errors, settings),
         shrinkage_of_oracle=mean(_of_oracle(singles, settings), settings),

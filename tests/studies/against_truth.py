@@ -39,19 +39,16 @@ def against_truth(
 
     Returns:
         ``left``: RMS error of the marker, m, of the nominal robot, of the corrected robot on held-out data,
-        and of the nominal robot with the true effects. Empty where nothing was fitted or planted, or what was
-        planted is no effect. ``before``: the speed expected of each gait without any effect.
+        and of the nominal robot with the true effects. ``before``: the speed expected of each gait without
+        any effect. Both are empty where nothing was fitted, and in cases of other kinds than several effects.
     """
     found = diagnosis.found
-    if found is None:
+    if found is None or truth["kind"] != "several":
         return {"left": {}, "before": {}}
     return {"left": _left(diagnosis, found, truth, executor), "before": _before(found, executor, seed)}
 
 
 def _left(diagnosis: Diagnosis, found: Causes, truth: dict[str, Any], executor: Executor) -> dict[str, float]:
-    names = [row["name"] for row in truth["effects"]]
-    if not names or not set(names) <= set(EFFECTS):
-        return {}
     effects = {row["name"]: _values(row) for row in truth["effects"]}
     (known,) = Runner(executor).compare(found.trial_set, [RobotRequest(effects, ())])
     if known is None:
@@ -91,11 +88,9 @@ def worth(rows: Sequence[dict[str, Any]], cases: Sequence[Case]) -> dict[str, An
         if left and left["true_m"] < _SHOWN * left["nominal_m"]:
             share = (left["nominal_m"] - left["corrected_m"]) / (left["nominal_m"] - left["true_m"])
             closed.append(min(_MOST, share))
-        for expected in case.diagnosis.predictions:
-            was, now = row.get("before", {}).get(expected.gait), expected.speed_m_s
-            if was is not None and now is not None and expected.gait in case.truth.speeds_m_s:
+        for gait, (true, now) in case.speeds.items():
+            if was := row.get("before", {}).get(gait):
                 narrower.append(_width(now.ci90) / _width(was["ci90"]))
-                true = case.truth.speeds_m_s[expected.gait]
                 shift.append(abs(float(now.mean or 0.0) - true) / abs(was["mean"] - true))
     return {
         "closed_of_truth": mean(closed).to_dict() | {"median": _median(closed)},

@@ -1,24 +1,25 @@
 """Sealed cases of a second make: ArcFold walks by `other_walk`, and a camera of another make films it.
 
-Nothing of `gaitopt` simulates, draws or measures here. Small errors are normal, not uniform. Frames come late
-or not at all, their stamps are rounded, and recordings begin and end anywhere.
+Nothing of `gaitopt` simulates, draws or measures here; it writes the files. Small errors are normal, not
+uniform. Frames come late or not at all, their stamps are rounded, and recordings begin and end anywhere.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import tomli_w
 from numpy.typing import NDArray
-from other_walk import HINGES, ROW_S, Errors, Numerics, Walk, square, walk
-from sealed_cases import Key, Kind, draw, rms, truth_path
+from other_walk import HINGES, ROW_S, Errors, Numerics, Walk, apart, square, walk
+from sealed_cases import Key, Kind, draw, rms
+
+from gaitopt.blind.sealed import PlantedEffect, Truth, seal
+from gaitopt.core.files import write_text
 
 Array = NDArray[np.float64]
 
@@ -70,7 +71,7 @@ KINDS: Mapping[str, Kind] = {
 }
 """What may be planted, by the names and within the bounds of the effects."""
 
-_OF_CAMERA = ("camera_scale",)
+_CAMERA_SCALE: Key = ("camera_scale", "all")
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,9 @@ class Maker:
         first, *walks = maker.walks([nominal, *others], PERIODS)
         noise = math.sqrt(3.0) * 0.65e-3
         floors = {
-            name: math.hypot(noise, rms(np.array([_apart(first[name], one[name]) for one in walks])))
+            name: math.hypot(
+                noise, rms(np.array([apart(first[name].marker, one[name].marker) for one in walks]))
+            )
             for name in PERIODS
         }
         return Maker(mjcf, pool, floors)
@@ -138,12 +141,15 @@ class Maker:
         """
         for _ in range(DRAWS):
             case = _drawn(kind, rng)
-            twin = _without(case, list(case.robot))
-            own, none = self.walks([case, twin] if case.robot else [case, case], PERIODS)
+            if not case.robot:
+                (own,) = self.walks([case], PERIODS)
+                return case, own, {"all": 0.0}
+            twin = replace(case, robot={})
+            own, none = self.walks([case, twin], PERIODS)
             gap = self._gap(case, own, twin, none)
-            if case.robot and not FLOORS[0] <= gap <= FLOORS[1]:
+            if not FLOORS[0] <= gap <= FLOORS[1]:
                 continue
-            alone = {key[0]: _without(case, [key]) for key in case.robot} if len(case.robot) > 1 else {}
+            alone = {key[0]: _without(case, key) for key in case.robot} if len(case.robot) > 1 else {}
             others = self.walks(list(alone.values()), PERIODS)
             seen = {
                 name: self._gap(case, own, one, walks)
@@ -153,18 +159,25 @@ class Maker:
         raise RuntimeError(f"{kind}: no draw makes a gap of {FLOORS[0]:g} floors")
 
     def _gap(self, case: Case, own: Mapping[str, Walk], other: Case, walks: Mapping[str, Walk]) -> float:
-        apart = [
-            _apart(_filmed(case, own[name]), _filmed(other, walks[name])) / self.floors[name]
+        """Return how far two cases are apart as they are filmed, the largest of all gaits, in floors."""
+        gaps = [
+            apart(_scale(case) * own[name].marker, _scale(other) * walks[name].marker) / self.floors[name]
             for name in PERIODS
         ]
-        return max(apart)
+        return max(gaps)
 
 
 def _walk(mjcf: str, case: Case, period_s: float) -> Walk:
     rows = square(period_s, FILM_S[1] + period_s)
     rng = np.random.default_rng([case.chance, round(1e3 * period_s)])
-    effects = {key: value for key, value in case.robot.items() if key[0] not in _OF_CAMERA}
-    return walk(mjcf, effects, case.errors, rows, case.numerics, rng if case.chance else None)
+    return walk(
+        mjcf,
+        _without(case, _CAMERA_SCALE).robot,
+        case.errors,
+        rows,
+        case.numerics,
+        rng if case.chance else None,
+    )
 
 
 def _drawn(kind: str, rng: np.random.Generator) -> Case:
@@ -203,19 +216,13 @@ def _each(names: Sequence[str], sd: float, rng: np.random.Generator) -> dict[str
     return dict(zip(names, rng.normal(0.0, sd, len(names)).tolist(), strict=True))
 
 
-def _without(case: Case, keys: Sequence[Key]) -> Case:
-    rest = {key: value for key, value in case.robot.items() if key not in keys}
-    return Case(case.kind, rest, case.errors, case.numerics, case.chance)
+def _without(case: Case, key: Key) -> Case:
+    return replace(case, robot={one: value for one, value in case.robot.items() if one != key})
 
 
-def _filmed(case: Case, one: Walk) -> Walk:
-    scale = case.robot.get(("camera_scale", "all"), 1.0)
-    return Walk(one.time, scale * one.marker, one.middle)
-
-
-def _apart(one: Walk, other: Walk) -> float:
-    """Return how far two walks are apart: RMS of the marker's way from its start, m."""
-    return math.sqrt(3.0) * rms((one.marker - one.marker[0]) - (other.marker - other.marker[0]))
+def _scale(case: Case) -> float:
+    """Return the planted scale of the camera: seen over true length."""
+    return case.robot.get(_CAMERA_SCALE, 1.0)
 
 
 def speed_of(one: Walk, period_s: float) -> float:
@@ -241,24 +248,20 @@ def write_case(
     (folder / name).mkdir(parents=True, exist_ok=True)
     camera = _Camera.drawn(case, rng)
     trials = [_film(folder / name, gait, walks[gait], camera, rng) for gait in PERIODS]
-    (folder / name / "dataset.toml").write_text(tomli_w.dumps({"trial": trials}))
-    effects = [
-        {"name": effect, "target": target, "parameters": {KINDS[effect].parameter: value}}
-        for (effect, target), value in case.robot.items()
-    ]
-    seen = {effect: gap for effect, gap in gaps.items() if effect != "all"}
-    truth: dict[str, Any] = {
-        "kind": case.kind,
-        "effects": effects,
-        "gap_over_floor": gaps["all"] if effects else 0.0,
-        "seen": seen,
-        "trials": list(PERIODS),
-        "speeds_m_s": dict(speeds),
-        "figures": {"known": float(camera.known), "grid_s": camera.grid_s, "fps": camera.fps},
-    }
-    path = truth_path(folder, name)
-    path.parent.mkdir(exist_ok=True)
-    path.write_text(json.dumps(truth, indent=1) + "\n")
+    write_text(folder / name / "dataset.toml", tomli_w.dumps({"trial": trials}))
+    truth = Truth(
+        kind=case.kind,
+        effects=tuple(
+            PlantedEffect(name=effect, target=target, parameters={KINDS[effect].parameter: value})
+            for (effect, target), value in case.robot.items()
+        ),
+        gap_over_floor=gaps["all"],
+        figures={"known": float(camera.known), "grid_s": camera.grid_s, "fps": camera.fps},
+        seen={effect: gap for effect, gap in gaps.items() if effect != "all"},
+        trials=tuple(PERIODS),
+        speeds_m_s=dict(speeds),
+    )
+    seal(folder, name, truth)
 
 
 @dataclass(frozen=True)
@@ -284,7 +287,7 @@ class _Camera:
     @staticmethod
     def drawn(case: Case, rng: np.random.Generator) -> _Camera:
         wrong = float(case.kind == "several")
-        scale = case.robot.get(("camera_scale", "all"), 1.0) * (1.0 + wrong * rng.normal(0.0, 0.006))
+        scale = _scale(case) * (1.0 + wrong * rng.normal(0.0, 0.006))
         tilt, rate = wrong * math.radians(rng.normal(0.0, 0.3)), 1.0 + wrong * rng.normal(0.0, 0.0006)
         late = any(name == "command_latency" for name, _ in case.robot)
         known = late or bool(rng.integers(2))  # where the start is not known, nobody can tell what comes late
@@ -316,7 +319,7 @@ def _film(folder: Path, gait: str, one: Walk, camera: _Camera, rng: np.random.Ge
         for t, (x, y, z), a, kept in zip(stamps, seen, angle, fresh, strict=True)
         if kept
     ]
-    (folder / f"{gait}.csv").write_text("\n".join(["t_s,x_m,y_m,z_m,middle_rad", *rows]) + "\n")
+    write_text(folder / f"{gait}.csv", "\n".join(["t_s,x_m,y_m,z_m,middle_rad", *rows]) + "\n")
     signals = {"marker.x": "x_m", "marker.y": "y_m", "marker.z": "z_m", "joint.mid_left": "middle_rad"}
     start = {"starts_at_gait_time_s": round(begin, 3)} if camera.known else {}
     return {"name": gait, "gait": gait, "file": f"{gait}.csv", "fps": camera.fps, "signals": signals} | start

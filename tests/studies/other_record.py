@@ -23,9 +23,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from blind_record import diagnosed, longest, write_record
 from kept import read_kept, write_kept
 from other_cases import UNSEEN, Maker, speed_of, write_case
-from sealed_cases import truth_path
 from shared_rollouts import shared_rollouts
 
+from gaitopt.blind.sealed import truth_path
 from gaitopt.optimise.executors import open_executor
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import load_problem

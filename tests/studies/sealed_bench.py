@@ -28,10 +28,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from kept import read_kept, version, write_kept
-from sealed_cases import SIZES, Plan, Rig, make, truth_path, write_case
+from sealed_cases import SIZES, Plan, Rig, make, write_case
 from sealed_rigs import Bench, Hand
 from sealed_score import Scored, failures, groups, kept, scored, summary, table
 
+from gaitopt.blind.sealed import truth_path
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
 from gaitopt.core.progress import silent

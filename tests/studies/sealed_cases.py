@@ -17,6 +17,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from gaitopt.blind.sealed import truth_path
 from gaitopt.core.files import csv_text, write_text
 from gaitopt.core.json import to_json
 
@@ -240,8 +241,3 @@ def write_case(folder: Path, rig: Rig, plan: Plan, made: Made) -> None:
     path = truth_path(folder, plan.name)
     path.parent.mkdir(exist_ok=True)
     write_text(path, to_json(truth))
-
-
-def truth_path(folder: Path, name: str) -> Path:
-    """Return where the truth of a case is sealed."""
-    return folder / "sealed" / f"{name}.json"

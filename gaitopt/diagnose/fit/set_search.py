@@ -339,18 +339,18 @@ class SetSearch:
         """
         found = list[SetFit]()
         for smaller in self._simulated([self.fitter.without_effect(fit, i) for i in self._droppable(fit)]):
-            best: dict[str, tuple[float, SetFit]] = {}
+            likes = list[SetFit]()
             for h in self.hypotheses:
                 if h.effect.name in fit.effects:
                     continue
                 at, robot, cosine = responses.likest(smaller.robot, fit.robot, h)
                 if robot is not None and cosine >= self.settings.alike:
-                    beside = self._beside(smaller, h, at, robot)
-                    one = (self._expected(beside), beside)
-                    if beside.names not in self.found:
-                        best[h.effect.name] = min(best.get(h.effect.name, one), one, key=lambda o: o[0])
-            ordered = sorted(best.values(), key=lambda one: one[0])
-            found += [beside for _, beside in ordered[: self.settings.twins]]
+                    likes.append(self._beside(smaller, h, at, robot))
+            fresh = [one for one in likes if one.names not in self.found]
+            firsts: dict[str, SetFit] = {}  # each effect on its best target
+            for one in sorted(fresh, key=self._expected):
+                firsts.setdefault(one.effects[-1], one)
+            found += [*firsts.values()][: self.settings.twins]
         return found
 
     def _finish(self) -> None:

@@ -142,7 +142,7 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
     if tolerant is not None and _likelier(tolerant, log_evidence(first, 2), 2):
         return _explained_by_several(tolerant, judgement, gap, hypotheses, context)
     finish(first.fits, context.runner, settings.fit)
-    first = replace(first)  # it keeps the candidates of unfinished fits
+    first = replace(first)  # the one before keeps the candidates of its unfinished fits
     wide = _fitted_to_whole_trials(judgement, first, context)
     short = falls_short(wide)
     found = _explained(wide.refine_covariance(context), gap, trial_set, context)
