@@ -69,8 +69,8 @@ DIAGNOSIS: Mapping[str, Stage] = {
     "first covariance": Stage("gaitopt.diagnose.judge.find_causes:prepare_trials"),
     "fitting": Stage("gaitopt.diagnose.judge.find_causes:fit_all"),
     "finishing": Stage("gaitopt.diagnose.judge.find_causes:finish"),
-    "refine covariance": Stage("gaitopt.diagnose.judge.judgement:Judgement.refine_covariance"),
-    "pairs": Stage("gaitopt.diagnose.fit.pair_search:PairSearch.run"),
+    "tolerances": Stage("gaitopt.diagnose.judge.gait_sets:with_tolerances"),
+    "sets": Stage("gaitopt.diagnose.fit.set_search:SetSearch.run"),
     "next experiment": Stage("gaitopt.diagnose.diagnosis:propose"),
     "correction": Stage("gaitopt.diagnose.correction:correct"),
     "diagnosis.json": Stage("gaitopt.report.diagnosis_report:write_diagnosis", file="diagnosis.json"),
@@ -255,7 +255,7 @@ def result(folder: Path) -> dict[str, Any]:
 
 
 def small_trials(folder: Path) -> Path:
-    """Write a data set of the strider whose gap one effect alone does not explain: two are fitted, too."""
+    """Write a data set of the strider whose gap no effect alone explains: sets are fitted, too."""
     problem = load_problem(STRIDER)
     planted = {"servo_gain": {"scale": 0.5}, "ground_slope": {"angle_rad": 0.1}}
     columns = recording_of(rollout(problem, "stride", 2.0, planted), signals=("marker.y", "marker.z"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gaitopt.diagnose.fit.runner import FINISHING, FITTING, FITTING_PAIRS, FITTING_SETS
+from gaitopt.diagnose.fit.runner import FINISHING, FITTING, FITTING_SETS
 
 FLOOR, PREDICTING, NEXT = "measuring the floor", "predicting gaits", "looking for what to measure next"
 
@@ -14,5 +14,5 @@ def stages(logged: bool, next_gait: bool) -> list[str]:
         logged: whether commands were logged.
         next_gait: whether to look for what to measure next.
     """
-    fitting = [FITTING_SETS] if logged else [FITTING, FINISHING, FITTING_PAIRS, FITTING_SETS]
+    fitting = [FITTING_SETS] if logged else [FITTING, FINISHING, FITTING_SETS]
     return [FLOOR, *fitting, PREDICTING, *([NEXT] if next_gait else [])]

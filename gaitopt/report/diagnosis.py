@@ -192,10 +192,10 @@ def _cause_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
             "Where the line of another effect reaches the first dot, these trials cannot tell the two apart.",
         ),
     }
-    if found.best.fits:
+    if found.best.alone is not None:
         pictures["profile"] = Picture(
             f"Profile of the {_first_name(diagnosis)}'s parameter",
-            partial(diagnosis_plots.profile, found),
+            partial(diagnosis_plots.profile, found, found.best.alone),
             "The error for each value of its parameter, with all else fitted. In a sharp valley the "
             "data determine the parameter well; in a flat one they hardly do. Shaded: its 90 % interval.",
         )

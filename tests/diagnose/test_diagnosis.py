@@ -97,6 +97,23 @@ def test_two_effects_are_found_on_a_robot_that_is_a_little_wrong_in_everything(
 
 
 @pytest.mark.slow
+def test_two_effects_within_the_tolerances_are_found_on_a_robot_without_other_errors(
+    simulator: Simulator, tmp_path: Path
+) -> None:
+    planted: dict[str, Values] = {
+        "servo_trim": {"offset_rad": -0.045, "target": "mid_act"},
+        "hinge_friction": {"torque_n_m": 0.007},
+    }
+    among = (*planted, "body_friction", "pad_friction", "ground_slope", "command_latency")
+    found = diagnosed(simulator, tmp_path, planted, among)
+    assert set(found["causes"]) == set(planted)
+    assert found["verdict"] == "explained"
+    values = {row["name"]: row["parameters"] for row in found["effects"]}
+    assert values["servo_trim"]["offset_rad"]["value"] == pytest.approx(-0.045, abs=0.005)
+    assert values["hinge_friction"]["torque_n_m"]["value"] == pytest.approx(0.007, abs=0.002)
+
+
+@pytest.mark.slow
 def test_small_errors_of_everything_are_not_blamed_on_an_effect(simulator: Simulator, tmp_path: Path) -> None:
     tolerances = simulator.problem.file.tolerances
     errors = draw_errors(simulator.effects.nominal, tolerances, seeded(3))

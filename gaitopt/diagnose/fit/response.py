@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.fit.pair import PairFit
 from gaitopt.diagnose.fit.settings import RESPONSE, ResponseSettings
 from gaitopt.diagnose.fit.single import Fit
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
@@ -42,13 +41,6 @@ class Response:
         nearest = min(fit.comparisons, key=lambda one: abs(float(one.at[0]) - best))
         near = _Near.of(fit.comparisons, nearest, np.array([h.high - h.low]))
         return near.response(fit.trial_set, near.slopes_on_both_sides(settings), settings)
-
-    @staticmethod
-    def of_pair(pair: PairFit, settings: ResponseSettings = RESPONSE) -> Response:
-        """Return the response near a pair's best robot; its own slopes where too few robots are near."""
-        near = _Near.of(pair.comparisons, pair.best(), pair.spans)
-        slopes = near.slopes_of_all(settings)
-        return near.response(pair.trial_set, pair.slopes * pair.spans if slopes is None else slopes, settings)
 
 
 @dataclass(frozen=True)
@@ -86,12 +78,6 @@ class _Near:
             beyond[self.distance <= settings.close] = np.inf
             shown[np.argmin(beyond)] |= bool(np.isfinite(beyond).any())
         return self._slopes(shown)
-
-    def slopes_of_all(self, settings: ResponseSettings) -> Array | None:
-        """Return the slopes with several parameters; None where the near robots do not show them all."""
-        shown = self.within(settings.near)
-        rank = np.linalg.matrix_rank(self.moved[shown], tol=settings.apart)
-        return self._slopes(shown) if rank == self.moved.shape[1] else None
 
     def _slopes(self, shown: NDArray[np.bool_]) -> Array:
         solved, *_ = np.linalg.lstsq(self.moved[shown], self.changes[shown], rcond=None)

@@ -53,7 +53,7 @@ class RobotRequest:
 
 
 FITTING, FINISHING = "fitting effects", "finishing the best fits"
-FITTING_PAIRS, FITTING_SETS = "fitting pairs of effects", "fitting sets of effects"
+FITTING_SETS = "fitting sets of effects"
 """Names of stages."""
 
 Compare = Callable[[TrialSet, Sequence[RobotRequest]], list[Comparison | None]]

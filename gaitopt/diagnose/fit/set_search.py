@@ -86,7 +86,8 @@ class SetSearch:
     def run(self) -> list[SetFit]:
         """Return the sets that were fitted, the best score first; the empty set is among them."""
         best = self._kept([self.fitter.empty(self.nominal), *self.fitter.placed(self._known_points)])[-1]
-        begun = [self._pruned(self._kept(self._refined([one]))[0]) for one in self.fitter.placed(self.begin)]
+        places = sorted(self.fitter.placed(self.begin), key=self.fitter.score)[: self.settings.begun]
+        begun = [self._pruned(one) for one in self._kept(self._refined(places))]
         if begun:
             best = self._exchanged(min(begun, key=self.fitter.score))
         while len(best.hypotheses) < self.settings.most_effects:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -103,87 +103,20 @@ class FitSettings:
 
 
 @dataclass(frozen=True)
-class PairRound:
-    """One round of fitting pairs further.
+class SumSettings:
+    """How sums of two single effects are chosen.
 
     Attributes:
-        pairs: number of pairs, the best ones.
-        measure_slopes: whether their slopes are measured before.
+        refined: sums that are moved to where they are least.
+        turns: number of times that each coordinate of a sum is moved.
+        targets: sums of the same two effects, on other targets, at most.
+        kept: sums that are simulated.
     """
 
-    pairs: int
-    measure_slopes: bool = False
-
-
-@dataclass(frozen=True)
-class PairSettings:
-    """How pairs of effects are chosen and fitted.
-
-    Attributes:
-        refined_sums: sums of two single effects that are moved to where they are least.
-        sum_turns: number of times that each coordinate of a sum is moved.
-        simulated_sums: sums that are simulated.
-        per_batch: pairs that are fitted at a time.
-        batches: batches at most. Another one follows while the best pair leaves a mean whitened square above
-            `right`.
-        right: see `batches`. A correct model leaves 1.
-        rounds: rounds of each batch.
-        targets: pairs of the same two effects, on other targets, at most.
-        alike: cosine from which two signatures count as similar.
-        twins: effects with the signature of one of the best pair that are tried in its place, at most.
-        twin_rounds: rounds of these pairs.
-        substitutes: effects that nearly do what one of the best pair does, and are fitted in its place, at
-            most.
-        substitute_rounds: rounds of these pairs.
-        probes: number of times that the best pairs are probed at the end: a jagged response has more than
-            one valley.
-        probe_distance: how far off they are probed, in ranges.
-        probe_rounds: rounds after each probe.
-        max_step: longest step, in ranges; halved after a step that did not lower the loss.
-        difference: distance over which a slope is measured, in ranges.
-        hopeless: a pair that leaves this many times the least loss is not fitted without each fold.
-        screened_part: an effect that adds nothing on top of another is tried at the screened coordinate
-            whose distance from neutral is closest to the range divided by this.
-    """
-
-    refined_sums: int = 300
-    sum_turns: int = 3
-    simulated_sums: int = 16
-    per_batch: int = 8
-    batches: int = 3
-    right: float = 2.0
-    rounds: tuple[PairRound, ...] = (
-        PairRound(8),
-        PairRound(4, measure_slopes=True),
-        PairRound(4),
-        PairRound(3, measure_slopes=True),
-        PairRound(3),
-        PairRound(2),
-    )
-    targets: int = 2
-    alike: float = FitSettings.alike
-    twins: int = 8
-    twin_rounds: tuple[PairRound, ...] = (
-        PairRound(4),
-        PairRound(3, measure_slopes=True),
-        PairRound(3),
-        PairRound(2, measure_slopes=True),
-        PairRound(2),
-    )
-    substitutes: int = 4
-    substitute_rounds: tuple[PairRound, ...] = (
-        PairRound(4, measure_slopes=True),
-        PairRound(4),
-        PairRound(4, measure_slopes=True),
-        PairRound(4),
-    )
-    probes: int = 2
-    probe_distance: float = 0.15
-    probe_rounds: tuple[PairRound, ...] = (PairRound(2, measure_slopes=True), PairRound(2))
-    max_step: float = 0.3
-    difference: float = 0.02
-    hopeless: float = 4.0
-    screened_part: float = 6.0
+    refined: int = 300
+    turns: int = 3
+    targets: int = 3
+    kept: int = 16
 
 
 @dataclass(frozen=True)
@@ -194,13 +127,11 @@ class ResponseSettings:
         near: distance within which simulated robots together show the slopes, in ranges.
         close: robots nearer than this show no slope alone: one farther robot on each side counts too.
         nearest: number of nearest robots that show the jumps; the others differ by curvature too.
-        apart: robots of a pair that are closer than this, in ranges, do not show two slopes.
     """
 
     near: float = 0.06
     close: float = 0.01
     nearest: int = 3
-    apart: float = 0.002
 
 
 @dataclass(frozen=True)
@@ -259,8 +190,8 @@ class SetSettings:
         exchanges: number of exchanges after an addition, at most.
         alike: cosine from which an effect does nearly the same as one of the best set: so it takes its place.
         twins: effects that take the place of each effect so, at most.
-        begun: a second search sets out from so many sets of the first one at most,
-        begun_within: which score at most this much worse than the best.
+        begun: a search sets out from so many sets at most,
+        begun_within: those of an earlier search score at most this much worse than its best.
         leading: sets that score at most this much worse than the best are finished,
         finished: at most this many of them,
         finish_rounds: in this many rounds.
@@ -347,8 +278,8 @@ class SetSettings:
 
 WHITENING = WhiteningSettings()
 FIT = FitSettings()
-PAIRS = PairSettings()
 SETS = SetSettings()
+SUMS = SumSettings()
 GAIT_SETS = SetSettings(
     most_rows=60.0,
     errors_rad=(0.0,),
@@ -369,4 +300,6 @@ GAIT_SETS = SetSettings(
 )
 """For gaits. A response jumps where a foot slips in another step, so slopes are measured over a longer
 distance; and the tolerances are in the covariance, so there is no further error that all trials share."""
+EXACT_SETS = replace(GAIT_SETS, most_effects=2, few=1.0, begun=6, fine_rounds=4)
+"""For gaits of an exactly made robot. More than two effects may be what its small errors do."""
 RESPONSE = ResponseSettings()

@@ -1,4 +1,4 @@
-"""Candidate explanations: no effect, one, two or more, each with its residual on held-out data.
+"""Candidate explanations: no effect, one or more, each with its residual on held-out data.
 
 A candidate is judged by how well the other gaits predict each gait (other cycles, if there is one gait only):
 by the loss that it adds to the least loss of the others. So a parameter must agree with the other gaits. A
@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
-from gaitopt.diagnose.fit.pair import PairFit
 from gaitopt.diagnose.fit.response import Response
 from gaitopt.diagnose.fit.set_fit import SetFit
 from gaitopt.diagnose.fit.settings import ResponseSettings
@@ -38,9 +37,8 @@ class Candidate:
         marker: residual of each sample of the marker by the fit that did not use its fold, m, shape
             (samples,).
         angles: the same of each sample of the angles, rad, shape (samples,).
-        fits: the effects' own fits; none of a set of effects.
+        alone: the fit of the effect, where there is one that was fitted alone.
         log_priors: logarithm of the prior of each parameter, up to a constant.
-        pair: the fit of the pair, where there are two effects.
         together: the fit of the set, where effects were fitted as one.
     """
 
@@ -51,9 +49,8 @@ class Candidate:
     whitened: Array
     marker: Array
     angles: Array
-    fits: tuple[Fit, ...] = ()
+    alone: Fit | None = None
     log_priors: tuple[float, ...] = ()
-    pair: PairFit | None = None
     together: SetFit | None = None
 
     @staticmethod
@@ -75,27 +72,8 @@ class Candidate:
             fit.at_best("whitened"),
             heldout(trial_set, trial_set.sample_blocks, lambda weights: fit.at_best("marker", weights)),
             heldout(trial_set, trial_set.angle_blocks, lambda weights: fit.at_best("angles", weights)),
-            (fit,),
+            fit,
             (fit.hypothesis.log_prior(at),),
-        )
-
-    @staticmethod
-    def of_pair(pair: PairFit) -> Candidate:
-        """Return the candidate of two effects."""
-        trial_set, best = pair.trial_set, pair.best()
-        at = tuple(best.at.tolist())
-        losses = np.stack([trial_set.losses(one.whitened) for one in pair.comparisons], axis=1)
-        return Candidate(
-            tuple(fit.hypothesis for fit in pair.fits),
-            at,
-            trial_set.losses(best.whitened),
-            _heldout_loss(trial_set, losses),
-            best.whitened,
-            heldout(trial_set, trial_set.sample_blocks, lambda weights: pair.best(weights).marker),
-            heldout(trial_set, trial_set.angle_blocks, lambda weights: pair.best(weights).angles),
-            pair.fits,
-            tuple(fit.hypothesis.log_prior(one) for fit, one in zip(pair.fits, at, strict=True)),
-            pair,
         )
 
     @property
@@ -139,11 +117,9 @@ class Candidate:
 
     def loss_jumps(self, trial_set: TrialSet, settings: ResponseSettings) -> Array:
         """Return by how much the losses of near robots differ by chance, shape (trials,)."""
-        if self.pair is not None:
-            return Response.of_pair(self.pair, settings).loss_jumps
-        if self.fits:
-            return Response.of_fit(self.fits[0], settings).loss_jumps
-        return np.zeros(trial_set.n_trials)
+        if self.alone is None:
+            return np.zeros(trial_set.n_trials)
+        return Response.of_fit(self.alone, settings).loss_jumps
 
     def cosine(self, other: Candidate, nominal: Comparison) -> float:
         """Return the cosine between the whitened changes of two candidates: their signatures."""

@@ -104,7 +104,8 @@ def p_value(
         seed: seed of the draws.
         settings: the temper, and the number of draws.
     """
-    robots = [one for candidate in candidates for fit in candidate.fits for one in fit.comparisons]
+    fits = [candidate.alone for candidate in candidates if candidate.alone]
+    robots = [one for fit in fits for one in fit.comparisons]
     changes = np.stack([one.whitened - nominal.whitened for one in robots])
     sizes = np.linalg.norm(changes, axis=1)
     moved = sizes > 1e-9
@@ -117,10 +118,3 @@ def p_value(
     reached = np.minimum(along, sizes)
     gains = (reached * (2.0 * along - reached)).max(axis=1)
     return float((1 + np.sum(gains >= gain)) / (1 + settings.chance_draws))
-
-
-def better_by(candidate: Candidate, other: Candidate) -> float:
-    """Return by how many standard errors over the blocks `candidate` predicts better than `other`."""
-    gain = other.heldout_loss - candidate.heldout_loss
-    error = math.sqrt(len(gain)) * float(gain.std(ddof=1)) if len(gain) > 1 else math.inf
-    return float(gain.sum()) / error if error > 0.0 else 0.0

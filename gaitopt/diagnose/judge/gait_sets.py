@@ -1,39 +1,44 @@
-"""Sets of effects of any size for gaits, on robots that are a little wrong in everything.
+"""Sets of effects for gaits: few on an exactly made robot, or any number on one that is a little wrong.
 
 A real robot has every small error that the tolerances of its problem allow, and some large ones. Robots with
 such small errors give the covariance. What it allows is no reason to name an effect, and effects are added
 only while a trial leaves more. An effect is a cause if the robot without it would move visibly differently.
+Where two effects explain everything, the robot is taken to be made exactly: small effects are causes, too.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
-from gaitopt.diagnose.fit.pair_sums import promising_sums
 from gaitopt.diagnose.fit.responses import SingleResponses
 from gaitopt.diagnose.fit.robust import WideLoss
 from gaitopt.diagnose.fit.runner import FITTING_SETS, RobotRequest
 from gaitopt.diagnose.fit.set_fit import Point, SetFit
 from gaitopt.diagnose.fit.set_search import SetSearch
+from gaitopt.diagnose.fit.settings import SetSettings
 from gaitopt.diagnose.fit.single import Fit, Residual, robot_request
+from gaitopt.diagnose.fit.sums import best_sums
 from gaitopt.diagnose.fit.trials import Comparison, Indices, TrialSet
 from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.judge.candidates import Candidate, heldout
 from gaitopt.diagnose.judge.context import Context
+from gaitopt.diagnose.judge.covariance import About, with_small_errors, with_tolerances
 from gaitopt.diagnose.judge.evidence import probabilities
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.sets import JudgedSets, SetJudge
-from gaitopt.diagnose.judge.small_errors import tolerant_robots
 from gaitopt.robot.signals import is_position
-from gaitopt.simulation.rollout import Simulator
 
 Array = NDArray[np.float64]
+
+Apart = Callable[[TrialSet, Comparison, Comparison], float]
+"""Tells how far two robots are apart: at 2 the difference shows."""
 
 _NEUTRAL = 1e-3
 """A coordinate closer to the neutral one than this, in ranges, does nothing."""
@@ -59,6 +64,15 @@ class Simulated:
         for request, robot in zip(requests, robots, strict=True):
             self.robots[request.name], self.requests[request.name] = robot, request
 
+    def add_fits(self, judgement: Judgement) -> None:
+        """Add the robots with single effects that were fitted, by the first covariance."""
+        trial_set = judgement.trial_set
+        for fit in judgement.fits:
+            robots = {float(one.at[0]): one for one in fit.comparisons}
+            robots.pop(fit.hypothesis.neutral, None)  # the nominal one
+            requests = [fit.request(at) for at in robots]
+            self.add(requests, [trial_set.initial.rewhiten(one, trial_set) for one in robots.values()])
+
     def with_effects_of(self, fit: SetFit) -> list[Comparison]:
         """Return the robots that have the effects of a set, on the same targets and no others."""
         wanted = _targets(robot_request(fit.point))
@@ -70,93 +84,113 @@ def _targets(request: RobotRequest) -> dict[str, object]:
     return {name: values.get("target") for name, values in request.effects.items()}
 
 
-def with_tolerances(judgement: Judgement, context: Context, point: Point = ()) -> Judgement:
-    """Return a judgement whose covariance holds all small errors of the problem's tolerances.
+@dataclass(frozen=True)
+class GaitSets:
+    """A search for sets of effects that explain gaits: in the trials' beginnings first, then in whole trials.
 
-    Small errors do more to some robots than to others, so they are those of a robot with some effects.
-
-    Args:
-        judgement: the trials and the fits of single effects, by any covariance.
-        context: simulates robots.
-        point: effects of the robot about which others are drawn, each at its coordinate.
-    """
-    initial = judgement.trial_set.initial
-    request = robot_request(point)
-    problem = initial.problem.with_effects(request.effects)
-    centre = Simulator.build(problem, fidelity=initial.simulator.fidelity)
-    robots = [centre, *tolerant_robots(centre, context.seed, context.settings.small_errors.tolerant)]
-    named = {f"a little wrong, {index}: {request.name}": robot for index, robot in enumerate(robots)}
-    middle, *others = context.runner.compare_robots(initial, named)
-    known = tuple(one for one in others if one is not None)
-    if middle is None or not known:
-        return judgement
-    changes = np.array([one.whitened - middle.whitened for one in known])
-    return replace(judgement.rewhitened(initial.with_covariance_of(changes)), tolerant_robots=known)
-
-
-def log_evidence(judgement: Judgement, most: int = 1) -> float:
-    """Return how probable the covariance makes the recordings with the best effects, as a logarithm.
-
-    The covariance of each trial counts with the likeliest factor of at least 1. It is up to a constant, the
-    same for all covariances of the same trials.
-
-    Args:
-        judgement: the trials and the fits of single effects.
-        most: 1 for the best single effect, 2 for the best sum of two as well.
-    """
-    best = min(judgement.fits, key=lambda fit: float(fit.loss().sum()))
-    tried = [best.at_best("whitened")]
-    if most > 1:
-        sums = promising_sums(judgement.fits, judgement.nominal, judgement.settings.pairs)
-        tried += [one.whitened(judgement.nominal) for one in sums]
-    return max(_log_evidence(judgement.trial_set, whitened) for whitened in tried)
-
-
-def log_evidence_of(candidate: Candidate, judgement: Judgement) -> float:
-    """Return the same with one of the candidates of a judgement."""
-    return _log_evidence(judgement.trial_set, candidate.whitened)
-
-
-def _log_evidence(trial_set: TrialSet, whitened: Array) -> float:
-    rows = trial_set.by_trial(trial_set.rows_per_block)
-    left = trial_set.by_trial(trial_set.losses(whitened)) / rows
-    factors = np.maximum(1.0, left)
-    return -0.5 * (float(rows @ (np.log(factors) + left / factors)) + trial_set.log_determinant)
-
-
-def judged_by_gait_sets(
-    tolerant: Judgement,
-    wide: Judgement,
-    floors: Sequence[Floors],
-    hypotheses: Sequence[Hypothesis],
-    context: Context,
-) -> tuple[Judgement, JudgedSets]:
-    """Return a judgement of whole trials with sets of effects, and the sets.
-
-    The first search is by the covariance about the nominal robot, the second by that about the best set. The
-    first may have the trials' beginnings alone: then the second tries only effects that the first promised.
-
-    Args:
-        tolerant: the trials, or their beginnings, and the fits of single effects, by the covariance of
-            `with_tolerances`.
-        wide: the whole trials, by any covariance.
+    Attributes:
+        first: the trials, or their beginnings, and the fits of single effects, by the first covariance.
+        wide: the whole trials, by the same covariance.
         floors: floor of each signal of each trial.
         hypotheses: the effects to try, each on its targets.
         context: simulates robots; settings.
+        begun: robots that were simulated for `first`.
+        ended: robots that were simulated for whole trials.
     """
-    known, judgement = Simulated(), tolerant
-    judge, fits = _searched(judgement, hypotheses, [], known, context)
-    again = bool(fits[0].hypotheses)
-    if judgement.n_rows < wide.n_rows:
-        known, again = Simulated(), True
-        judgement = _with_fits_of(wide, fits, tolerant.fits, context)
-        hypotheses = [fit.hypothesis for fit in judgement.fits if len(fit.comparisons) > 1]
-    if again:
-        begin = _beginnings(judge, fits)
-        judgement = with_tolerances(judgement, context, fits[0].point)
-        judge, fits = _searched(judgement, hypotheses, begin, known, context)
-    judged = _judged(judge, fits, known, floors)
-    return replace(judgement, sets=judged), judged
+
+    first: Judgement
+    wide: Judgement
+    floors: Sequence[Floors]
+    hypotheses: Sequence[Hypothesis]
+    context: Context
+    begun: Simulated = field(default_factory=Simulated)
+    ended: Simulated = field(default_factory=Simulated)
+
+    @property
+    def begins_whole(self) -> bool:
+        """Whether the search begins with whole trials."""
+        return self.first.n_rows == self.wide.n_rows
+
+    def exactly(self) -> tuple[Judgement, JudgedSets] | None:
+        """Return few effects on an exactly made robot; None where these do not explain the trials."""
+        settings, first = self.context.settings, self.first
+        sums = best_sums(first.fits, first.nominal)
+        judge, fits = self._run(first, self.hypotheses, settings.exact_sets, self.begun, sums)
+        if judge.loss.mean_squares(fits[0].robot.whitened).max() > settings.verdict.exact_begin:
+            return None
+        judgement, judged = self._end(first, judge, fits, with_small_errors, squares_apart)
+        if not judged.candidates or judged.none >= judged.scores[0]:
+            return None
+        left = judged.judge.heldout_left(judgement.first)
+        return (judgement, judged) if left.max() <= settings.verdict.left else None
+
+    def with_tolerances(self) -> tuple[Judgement, JudgedSets]:
+        """Return effects of any number on a robot that is a little wrong in everything."""
+        tolerant = with_tolerances(self.first, self.context)
+        judge, fits = self._run(tolerant, self.hypotheses, self.context.settings.gait_sets, self.begun)
+        return self._end(tolerant, judge, fits, with_tolerances, partial(floors_apart, floors=self.floors))
+
+    def _end(
+        self, first: Judgement, judge: SetJudge, fits: Sequence[SetFit], about: About, apart: Apart
+    ) -> tuple[Judgement, JudgedSets]:
+        """Return the whole trials and the sets, by the covariance about the best set so far.
+
+        Of beginnings only those effects are tried that these promised.
+
+        Args:
+            first: what the search began with.
+            judge, fits: what it found.
+            about: returns the covariance about the robot with a set.
+            apart: tells how far two robots are apart.
+        """
+        judgement, hypotheses, known = first, self.hypotheses, self.begun
+        again = bool(fits[0].hypotheses)
+        if not self.begins_whole:
+            known, again = self.ended, True
+            judgement = _with_fits_of(self.wide, fits, first.fits, self.context)
+            hypotheses = [fit.hypothesis for fit in judgement.fits if len(fit.comparisons) > 1]
+        if again:
+            begin = _beginnings(judge, fits)
+            judgement = about(judgement, self.context, fits[0].point)
+            judge, fits = self._run(judgement, hypotheses, judge.settings, known, begin)
+        judged = _judged(judge, fits, known, apart)
+        return replace(judgement, sets=judged), judged
+
+    def _run(
+        self,
+        judgement: Judgement,
+        hypotheses: Sequence[Hypothesis],
+        settings: SetSettings,
+        known: Simulated,
+        begin: Sequence[Point] = (),
+    ) -> tuple[SetJudge, list[SetFit]]:
+        """Return the sets that were fitted by one covariance, the best first, and their judge.
+
+        Args:
+            judgement: the trials and the fits of single effects.
+            hypotheses: the effects to try, each on its targets.
+            settings: how sets are searched.
+            known: robots that were simulated; new ones are added.
+            begin: sets from the best of which the search sets out.
+        """
+        trial_set = judgement.trial_set
+        initial, stage = trial_set.initial, self.context.runner.stage(FITTING_SETS)
+        known.add_fits(judgement)
+
+        def simulate(requests: Sequence[RobotRequest]) -> list[Comparison | None]:
+            fresh = {one.name: one for one in requests if one.name not in known.robots}
+            known.add([*fresh.values()], stage(initial, [*fresh.values()]))
+            found = [known.robots[one.name] for one in requests]
+            return [
+                None if robot is None else replace(trial_set.rewhiten(robot, initial), at=np.array(one.at))
+                for one, robot in zip(requests, found, strict=True)
+            ]
+
+        judge = SetJudge.of(trial_set, self.context.runner, settings, WideLoss, simulate)
+        responses = SingleResponses(judgement.fits, judgement.nominal)
+        fitter, nominal = judge.fitter, judgement.nominal
+        search = SetSearch(fitter, hypotheses, nominal, settings, fitter, begin=begin, responses=responses)
+        return judge, search.run()
 
 
 def _beginnings(judge: SetJudge, fits: Sequence[SetFit]) -> list[Point]:
@@ -210,44 +244,7 @@ def _unfitted(wide: Judgement, head: Fit) -> Fit:
     return Fit.of(head.hypothesis, wide.trial_set, wide.nominal, head.settings)
 
 
-def _searched(
-    judgement: Judgement,
-    hypotheses: Sequence[Hypothesis],
-    begin: Sequence[Point],
-    known: Simulated,
-    context: Context,
-) -> tuple[SetJudge, list[SetFit]]:
-    """Return the sets that were fitted by one covariance, the best first, and their judge.
-
-    Args:
-        judgement: the trials and the fits of single effects.
-        hypotheses: the effects to try, each on its targets.
-        begin: sets from the best of which the search sets out.
-        known: robots that were simulated; new ones are added.
-        context: simulates robots; settings.
-    """
-    trial_set, settings = judgement.trial_set, context.settings.gait_sets
-    initial, stage = trial_set.initial, context.runner.stage(FITTING_SETS)
-
-    def simulate(requests: Sequence[RobotRequest]) -> list[Comparison | None]:
-        fresh = {one.name: one for one in requests if one.name not in known.robots}
-        known.add([*fresh.values()], stage(initial, [*fresh.values()]))
-        found = [known.robots[one.name] for one in requests]
-        return [
-            None if robot is None else replace(trial_set.rewhiten(robot, initial), at=np.array(one.at))
-            for one, robot in zip(requests, found, strict=True)
-        ]
-
-    judge = SetJudge.of(trial_set, context.runner, settings, WideLoss, simulate)
-    responses = SingleResponses(judgement.fits, judgement.nominal)
-    fitter, nominal = judge.fitter, judgement.nominal
-    search = SetSearch(fitter, hypotheses, nominal, settings, fitter, begin=begin, responses=responses)
-    return judge, search.run()
-
-
-def _judged(
-    judge: SetJudge, fits: Sequence[SetFit], known: Simulated, floors: Sequence[Floors]
-) -> JudgedSets:
+def _judged(judge: SetJudge, fits: Sequence[SetFit], known: Simulated, apart: Apart) -> JudgedSets:
     """Return sets in order of their probability, by the loss of all trials and the price of each effect."""
     fits = [fit for fit in fits if not _idle(fit)]
     scores = -0.5 * np.array([_minus_log(judge, fit) for fit in fits])
@@ -256,7 +253,7 @@ def _judged(
     order = [i for i in order if fits[i].hypotheses]
     chosen, weights = [fits[i] for i in order], scores[order]
     probable = int(np.sum(probabilities(weights) >= judge.settings.probable)) if len(order) else 0
-    changes = [_moves(judge, fit, floors) for fit in chosen[:probable]]
+    changes = [_moves(judge, fit, apart) for fit in chosen[:probable]]
     changes += [dict.fromkeys((h.name for h in fit.hypotheses), 0.0) for fit in chosen[probable:]]
     candidates = tuple(_candidate(judge, fit, known) for fit in chosen)
     still = np.zeros(len(judge.loss.row_trials))
@@ -307,14 +304,20 @@ def _minus_log(judge: SetJudge, fit: SetFit) -> float:
     return judge.fitter.score(fit) - 2.0 * sum(h.log_target_share for h in fit.hypotheses)
 
 
-def _moves(judge: SetJudge, fit: SetFit, floors: Sequence[Floors]) -> dict[str, float]:
-    """Return how far the robot without each effect of a set is from that with it, in floors."""
+def _moves(judge: SetJudge, fit: SetFit, apart: Apart) -> dict[str, float]:
+    """Return how far the robot without each effect of a set is from that with it."""
     points = [[one for k, one in enumerate(fit.point) if k != i] for i in range(len(fit.hypotheses))]
     robots = judge.fitter.simulate([robot_request(point) for point in points])
     return {
-        h.name: math.inf if robot is None else floors_apart(judge.trial_set, fit.robot, robot, floors)
+        h.name: math.inf if robot is None else apart(judge.trial_set, fit.robot, robot)
         for h, robot in zip(fit.hypotheses, robots, strict=True)
     }
+
+
+def squares_apart(trial_set: TrialSet, one: Comparison, other: Comparison) -> float:
+    """Return the mean whitened square of the difference of two robots, in the trial where it is most."""
+    squares = trial_set.by_trial(trial_set.losses(one.whitened - other.whitened))
+    return float((squares / trial_set.by_trial(trial_set.rows_per_block)).max())
 
 
 def floors_apart(trial_set: TrialSet, one: Comparison, other: Comparison, floors: Sequence[Floors]) -> float:

@@ -15,7 +15,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.diagnose.fit.pair import PairFit
 from gaitopt.diagnose.fit.schedule import finish
 from gaitopt.diagnose.fit.single import Fit
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
@@ -48,7 +47,6 @@ class Judgement:
         trial_set: the trials.
         nominal: the trials compared with the nominal robot.
         fits: the effects' fits; none where nothing was fitted.
-        pairs: fits of two effects; none where these were not tried.
         sets: sets of effects of any size; None where these were not tried.
         tolerant_robots: the robots with all small errors of the tolerances that gave the covariance; none
             where the robot is taken to be made exactly.
@@ -58,7 +56,6 @@ class Judgement:
     trial_set: TrialSet
     nominal: Comparison
     fits: tuple[Fit, ...] = ()
-    pairs: tuple[PairFit, ...] = ()
     sets: JudgedSets | None = None
     tolerant_robots: tuple[Comparison, ...] = ()
     settings: DiagnosisSettings = DEFAULT
@@ -83,11 +80,6 @@ class Judgement:
         """The candidates of one effect; those that could not be simulated are left out."""
         return [Candidate.of_fit(fit) for fit in self.fits if len(fit.comparisons) > 1]
 
-    @cached_property
-    def doubles(self) -> list[Candidate]:
-        """The candidates of two effects."""
-        return [Candidate.of_pair(pair) for pair in self.pairs]
-
     @property
     def first(self) -> Candidate:
         """The most probable candidate."""
@@ -95,17 +87,16 @@ class Judgement:
 
     @cached_property
     def ranking(self) -> Ranking:
-        """Sets where there are any, else candidates of two effects, else of one; the most probable first."""
+        """Sets where these were tried, else candidates of one effect; the most probable first."""
         if self.sets is not None:
             if not self.sets.candidates:
                 return Ranking((), np.empty(0))
             return Ranking(self.sets.candidates, evidence.probabilities(self.sets.scores))
-        candidates = self.doubles or self.singles
-        if not candidates:
+        if not self.singles:
             return Ranking((), np.empty(0))
-        weights = self.scores(candidates)
+        weights = self.scores(self.singles)
         order = np.argsort(-weights, kind="stable")
-        ordered = tuple(candidates[i] for i in order)
+        ordered = tuple(self.singles[i] for i in order)
         return Ranking(ordered, evidence.probabilities(weights[order]))
 
     def scores(self, candidates: Sequence[Candidate]) -> NDArray[np.float64]:
@@ -149,5 +140,4 @@ class Judgement:
             trial_set=trial_set,
             nominal=trial_set.rewhiten(self.nominal, self.trial_set),
             fits=tuple(fit.rewhitened(trial_set) for fit in self.fits),
-            pairs=tuple(pair.rewhitened(trial_set) for pair in self.pairs),
         )

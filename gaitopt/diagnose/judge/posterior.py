@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from gaitopt.core.statistics import NORMAL_95
 from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
-from gaitopt.diagnose.fit.response import Response
 from gaitopt.diagnose.judge import evidence
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.causes import Causes
@@ -113,8 +112,7 @@ def chances_of(found: Causes) -> Array:
 def spread_of(found: Causes, candidate: Candidate) -> Spread:
     """Return how well the parameters of a candidate are known.
 
-    Those of a set have the covariance of its fit. Those of one effect or two are as wide to each side as
-    their intervals, and two have the correlation that their slopes give them.
+    Those of a set have the covariance of its fit. That of one effect is as wide to each side as its interval.
     """
     sets, hypotheses = found.judgement.sets, candidate.hypotheses
     if sets is not None and candidate.together is not None:
@@ -126,10 +124,5 @@ def spread_of(found: Causes, candidate: Candidate) -> Spread:
         for h, interval in zip(hypotheses, found.intervals(candidate), strict=True)
     ]
     low, high = np.array(ends).T
-    correlation = np.eye(len(at))
-    if candidate.pair is not None:
-        slopes = Response.of_pair(candidate.pair, found.judgement.settings.response).slopes
-        inverse: Array = np.asarray(np.linalg.pinv(slopes.T @ slopes), dtype=float)
-        correlation = correlation_of(inverse)
     below, above = (np.maximum(side, 0.0) / NORMAL_95 for side in (at - low, high - at))
-    return Spread(hypotheses, at, below, above, correlation)
+    return Spread(hypotheses, at, below, above, np.eye(len(at)))

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
-from gaitopt.diagnose.fit.pair import PairFit
 from gaitopt.diagnose.fit.response import Response
 from gaitopt.diagnose.fit.single import Fit
 from gaitopt.diagnose.judge.candidates import Candidate
@@ -47,9 +46,7 @@ class Precision:
         """
         unit = self._tempered_square(candidate)
         both = np.concatenate([self.changes, -self.changes])  # an error is as likely as its opposite
-        if candidate.pair is not None:
-            return self._of_pair(candidate.pair, candidate.at, both, unit)
-        return [self._of_fit(fit, both, unit) for fit in candidate.fits]
+        return [] if candidate.alone is None else [self._of_fit(candidate.alone, both, unit)]
 
     def excludes_neutral(self, candidate: Candidate) -> bool:
         """Whether no parameter's interval includes the value at which its effect does nothing."""
@@ -79,12 +76,6 @@ class Precision:
             uneven = math.hypot(self._reach(side * shifted), float(max(0.0, (side * likely).max())))
             sides.append(best + side * max(even, uneven))
         return in_unit(h, sides)
-
-    def _of_pair(self, pair: PairFit, best: tuple[float, ...], changes: Array, unit: float) -> list[Interval]:
-        near = Response.of_pair(pair, self.settings.response)
-        halves = pair.spans * self._half_widths(near, changes, unit)
-        sides = zip(pair.fits, best, halves.tolist(), strict=True)
-        return [in_unit(fit.hypothesis, (at - half, at + half)) for fit, at, half in sides]
 
     def _half_widths(self, near: Response, changes: Array, unit: float) -> Array:
         """Return each interval's half-width in ranges, for a response that is linear but for its jumps."""

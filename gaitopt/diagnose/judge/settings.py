@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gaitopt.diagnose.fit.settings import (
+    EXACT_SETS,
     FIT,
     GAIT_SETS,
-    PAIRS,
     RESPONSE,
     SETS,
     WHITENING,
     FitSettings,
-    PairSettings,
     ResponseSettings,
     SetSettings,
     WhiteningSettings,
@@ -143,19 +142,18 @@ class VerdictSettings:
         other_slope: how fast that probability changes with the logarithm of what is left.
         significance: an effect is blamed if its p-value is at most this.
         above_none: an effect joins the answer beside the first if it is this many times as probable as none.
-        try_pairs: pairs are tried where the best effect leaves more than this; a correct one nearly always
-            leaves less.
-        pair_errors: standard errors by which two effects must predict better than one.
-        pair_gain: share of the loss of one effect that two may leave at most.
+        short: one effect alone does not explain the trials if it leaves more than this; a correct one nearly
+            always leaves less.
+        exact_begin: few effects of an exactly made robot are fitted to whole trials if they leave at most
+            this of the beginning of each, by the covariance of the nominal robot.
         little: an effect that takes away a smaller part of the whitened residual than this explains nothing.
         uneven: recorded cycles are uneven if they differ this many times as much as simulated ones.
         noise_error: relative error of the measurement's noise, as estimated from the record.
         matters: an effect of sets is no cause where it changes less than this, as a mean whitened square in
-            the trial that it changes most: it makes a small error smaller.
+            the trial that it changes most: it makes a small error smaller. In gaits of a robot that is a
+            little wrong in everything, the change is counted in floors.
         at_work: an effect of sets is a cause if it is at least this probable,
         possible: and may be one if it is at least this probable.
-        tolerant: the robot is a little wrong in everything if this makes a whitened row more probable, in the
-            mean, by this logarithm.
     """
 
     no_gap: float = 0.8
@@ -165,16 +163,14 @@ class VerdictSettings:
     other_slope: float = 3.0
     significance: float = 0.02
     above_none: float = 3.0
-    try_pairs: float = 1.2
-    pair_errors: float = 1.0
-    pair_gain: float = 0.75
+    short: float = 1.2
+    exact_begin: float = 3.0
     little: float = 0.3
     uneven: float = 4.0
     noise_error: float = 0.3
     matters: float = 2.0
     at_work: float = 0.5
     possible: float = 0.1
-    tolerant: float = 0.05
 
 
 @dataclass(frozen=True)
@@ -243,9 +239,9 @@ class DiagnosisSettings:
     gap: GapSettings = gap_settings.DEFAULT
     whitening: WhiteningSettings = WHITENING
     fit: FitSettings = FIT
-    pairs: PairSettings = PAIRS
     sets: SetSettings = SETS
     gait_sets: SetSettings = GAIT_SETS
+    exact_sets: SetSettings = EXACT_SETS
     response: ResponseSettings = RESPONSE
     lateness: LatenessSettings = LATENESS
     small_errors: SmallErrorSettings = SmallErrorSettings()

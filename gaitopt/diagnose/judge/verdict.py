@@ -91,30 +91,13 @@ def falls_short(judgement: Judgement) -> bool:
     this.
     """
     best = min(judgement.singles, key=lambda candidate: candidate.total_loss)
-    (fit,), (at,) = best.fits, best.at
-    limit = judgement.settings.verdict.try_pairs
-    return fit.hypothesis.at_bound(at) or best.left(judgement.trial_set) > limit
+    (hypothesis,), (at,) = best.hypotheses, best.at
+    return hypothesis.at_bound(at) or best.left(judgement.trial_set) > judgement.settings.verdict.short
 
 
 def is_shown(judgement: Judgement, robots: PerturbedRobots) -> bool:
     """Whether the interval of every parameter of the first candidate excludes its neutral value."""
     return Precision(robots.changes, judgement.settings).excludes_neutral(judgement.first)
-
-
-def pair_is_needed(judgement: Judgement) -> bool:
-    """Whether two effects predict and fit clearly better than one.
-
-    Where a response jumps, one effect may predict a gait badly although it fits it well. A second effect does
-    not help.
-    """
-    settings = judgement.settings.verdict
-    one, both = (
-        min(candidates, key=lambda candidate: candidate.total_loss)
-        for candidates in (judgement.singles, judgement.doubles)
-    )
-    predicted = float(both.heldout_loss.sum()) < settings.pair_gain * float(one.heldout_loss.sum())
-    fitted = float(both.fitted_loss.sum()) < settings.pair_gain * float(one.fitted_loss.sum())
-    return predicted and fitted and evidence.better_by(both, one) > settings.pair_errors
 
 
 def other_probability(share: float, settings: VerdictSettings) -> float:
@@ -123,11 +106,6 @@ def other_probability(share: float, settings: VerdictSettings) -> float:
 
 
 def _answer(judgement: Judgement) -> _Answer:
-    """Return the effects blamed, and those that cannot be told from them."""
-    return _answer_of_two(judgement) if judgement.pairs else _answer_of_one(judgement)
-
-
-def _answer_of_one(judgement: Judgement) -> _Answer:
     """Return the effects that are not ruled out and clearly more probable than no effect."""
     settings, ranking = judgement.settings, judgement.ranking
     weights = judgement.scores([*ranking.candidates, judgement.none])
@@ -135,15 +113,3 @@ def _answer_of_one(judgement: Judgement) -> _Answer:
     totals = evidence.by_effect(ranking.candidates, ranking.probabilities)
     names = evidence.answer_set(totals, settings.evidence)
     return _Answer(tuple(names[:1]), tuple(name for name in names[1:] if totals[name] >= idle))
-
-
-def _answer_of_two(judgement: Judgement) -> _Answer:
-    """Return the effects of the first pair, and those of every pair that is not ruled out."""
-    ranking = judgement.ranking
-    limit = judgement.settings.evidence.in_set * float(ranking.probabilities[0])
-    first = ranking.candidates[0].names
-    rest: dict[str, None] = {}
-    for candidate, chance in zip(ranking.candidates, ranking.probabilities.tolist(), strict=True):
-        if chance >= limit:
-            rest |= dict.fromkeys(name for name in candidate.names if name not in first)
-    return _Answer(tuple(first), tuple(rest))

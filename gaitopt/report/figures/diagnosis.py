@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gaitopt.core.statistics import NORMAL_95
 from gaitopt.diagnose.diagnosis import Diagnosis
+from gaitopt.diagnose.fit.single import Fit
 from gaitopt.diagnose.fit.trials import TrialSet
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import marker_floor
@@ -147,30 +148,30 @@ def ranking(found: Causes) -> Figure:
     return figure
 
 
-def profile(found: Causes) -> Figure:
-    """Draw the loss along each parameter of the winner, and the values that were simulated.
+def profile(found: Causes, fit: Fit) -> Figure:
+    """Draw the loss along the parameter of the winner, and the values that were simulated.
 
-    The winner is one effect or a pair; sets have no such curves.
+    Args:
+        found: the causes; the first candidate is one effect.
+        fit: its fit.
     """
-    best = found.candidates[0]
-    figure, grid = stacked_panels(len(best.fits), 0.3 + 2.7 * len(best.fits), share_x=False)
+    best, h, curve = found.candidates[0], fit.hypothesis, fit.curve
+    figure, axes = single_panel(3.0)
     rows = float(found.trial_set.rows_per_block.sum())
-    ends = found.intervals(best)
-    for axes, fit, at, (low, high) in zip(grid, best.fits, best.at, ends, strict=True):
-        h, curve = fit.hypothesis, fit.curve
-        values = [h.value(c) for c in curve.at.tolist()]
-        axes.plot(values, curve.losses.sum(axis=0) / rows, color=BEST_COLOUR, label="interpolated")
-        known = [(h.value(float(p.at[0])), float(p.whitened @ p.whitened) / rows) for p in fit.comparisons]
-        axes.plot(*zip(*known, strict=True), "o", color=COLOURS[0], ms=4, label="simulated")
-        axes.axvline(h.value(at), color="k", lw=1.0, ls="--", label="fitted")
-        axes.set_yscale("log")
-        plain_ticks(axes.yaxis)
-        if h.effect.scale == "log":
-            axes.set_xscale("log")
-            plain_ticks(axes.xaxis)
-        axes.axvspan(low, high, color=COLOURS[4], alpha=0.35, lw=0.0, label="90 % interval")
-        name = drawable(f"{h.name}: {h.effect.parameter}")
-        finish(axes, f"{name} [{h.effect.unit or '1'}]", "error [1 = a right model]")
+    values = [h.value(c) for c in curve.at.tolist()]
+    axes.plot(values, curve.losses.sum(axis=0) / rows, color=BEST_COLOUR, label="interpolated")
+    known = [(h.value(float(p.at[0])), float(p.whitened @ p.whitened) / rows) for p in fit.comparisons]
+    axes.plot(*zip(*known, strict=True), "o", color=COLOURS[0], ms=4, label="simulated")
+    axes.axvline(h.value(best.at[0]), color="k", lw=1.0, ls="--", label="fitted")
+    axes.set_yscale("log")
+    plain_ticks(axes.yaxis)
+    if h.effect.scale == "log":
+        axes.set_xscale("log")
+        plain_ticks(axes.xaxis)
+    low, high = found.intervals(best)[0]
+    axes.axvspan(low, high, color=COLOURS[4], alpha=0.35, lw=0.0, label="90 % interval")
+    name = drawable(f"{h.name}: {h.effect.parameter}")
+    finish(axes, f"{name} [{h.effect.unit or '1'}]", "error [1 = a right model]")
     return figure
 
 

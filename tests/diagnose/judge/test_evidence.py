@@ -47,13 +47,15 @@ def of_two_trials(
 
 
 def trials_of(candidate: Candidate) -> TrialSet:
-    return candidate.fits[0].trial_set
+    assert candidate.alone is not None
+    return candidate.alone.trial_set
 
 
 def test_a_trial_that_shows_nothing_says_nothing_against_a_candidate() -> None:
     """The second trial allows any value, so it predicts nothing about the first."""
     found = of_two_trials(3.0 * SHOWN, lambda a: 6.0 * a * SHOWN)
-    loss = found.fits[0].loss(np.array([0.0, 0.0, 1.0, 1.0]))
+    assert found.alone is not None
+    loss = found.alone.loss(np.array([0.0, 0.0, 1.0, 1.0]))
     assert loss[:2].sum() == pytest.approx(9.0 * ROWS / 2)
     assert found.left(trials_of(found)) < 0.01
 
@@ -112,7 +114,7 @@ def test_chance_gains_little(planted: float, significant: bool) -> None:
                 fit.at_best("whitened"),
                 np.empty(0),
                 np.empty(0),
-                (fit,),
+                fit,
             )
         )
     gain = float(nominal.whitened @ nominal.whitened) - min(c.total_loss for c in candidates)

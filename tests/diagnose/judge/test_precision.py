@@ -4,9 +4,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from toyfits import toy_comparison, toy_fit, toy_trials
+from toyfits import toy_fit, toy_trials
 
-from gaitopt.diagnose.fit.pair import PairFit
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.precision import Precision
 
@@ -25,7 +24,7 @@ def fitted(measured: np.ndarray, predicted: Callable[[float], np.ndarray], at: S
         fit.at_best("whitened"),
         np.empty(0),
         np.empty(0),
-        (fit,),
+        fit,
     )
 
 
@@ -53,30 +52,3 @@ def test_an_interval_reaches_as_far_as_nothing_changes() -> None:
     ((low, high),) = Precision(rng.standard_normal((8, ROWS))).intervals(candidate)
     assert 1.05 < low < 1.2
     assert high == 2.0
-
-
-def test_an_interval_of_a_pair_covers_too() -> None:
-    rng = np.random.default_rng(7)
-    slopes, hidden = rng.standard_normal((ROWS, 2)) * 8.0, 3.0 * rng.standard_normal((4, ROWS))
-    (fit,) = fitted(np.zeros(ROWS), lambda a: a * slopes[:, 0], [0.0, 2.0]).fits
-    covered = 0
-    for _ in range(300):
-        unknown = rng.standard_normal(ROWS) + rng.standard_normal(4) @ hidden
-        at = np.full(2, TRUE) + np.linalg.lstsq(slopes, unknown, rcond=None)[0]
-        left = unknown - slopes @ (at - TRUE)
-        pair = PairFit((fit, fit), [toy_comparison(at, left)], -slopes)
-        losses = fit.trial_set.losses(left)
-        candidate = Candidate(
-            (fit.hypothesis,) * 2,
-            tuple(at.tolist()),
-            losses,
-            losses,
-            left,
-            np.empty(0),
-            np.empty(0),
-            (fit, fit),
-            pair=pair,
-        )
-        changes = rng.standard_normal((8, 4)) @ hidden
-        covered += sum(low <= TRUE <= high for low, high in Precision(changes).intervals(candidate))
-    assert 0.85 * 600 <= covered <= 0.97 * 600
