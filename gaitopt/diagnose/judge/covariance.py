@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from gaitopt.core.streams import Stream
 from gaitopt.diagnose.fit.set_fit import Point
 from gaitopt.diagnose.fit.single import robot_request
 from gaitopt.diagnose.fit.trials import Comparison
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.judgement import Judgement
+from gaitopt.diagnose.judge.perturbed import Draw, PerturbedRobots, compared_about
 from gaitopt.diagnose.judge.small_errors import perturbed_robots, tolerant_robots
 from gaitopt.simulation.rollout import Simulator
 
@@ -33,11 +32,11 @@ def with_tolerances(judgement: Judgement, context: Context, point: Point = ()) -
     """
     count = context.settings.small_errors.tolerant
 
-    def drawn(centre: Simulator) -> Sequence[Simulator]:
+    def draw(centre: Simulator) -> Sequence[Simulator]:
         return tolerant_robots(centre, context.seed, count)
 
-    found, known = _rewhitened(judgement, context, point, "a little wrong", drawn)
-    return replace(found, tolerant_robots=known)
+    robots = _drawn_about(judgement, point, "a little wrong", draw, context)
+    return _rewhitened(judgement, robots, robots.comparisons)
 
 
 def with_small_errors(judgement: Judgement, context: Context, point: Point = ()) -> Judgement:
@@ -50,29 +49,24 @@ def with_small_errors(judgement: Judgement, context: Context, point: Point = ())
     """
     count, errors = context.settings.small_errors.robots, context.settings.small_errors
 
-    def drawn(centre: Simulator) -> Sequence[Simulator]:
+    def draw(centre: Simulator) -> Sequence[Simulator]:
         return perturbed_robots(centre, context.seed, count, Stream.SMALL_ERRORS, errors)
 
-    found, _ = _rewhitened(judgement, context, point, "made exactly", drawn)
-    return replace(found, tolerant_robots=())
+    return _rewhitened(judgement, _drawn_about(judgement, point, "made exactly", draw, context))
+
+
+def _drawn_about(
+    judgement: Judgement, point: Point, label: str, draw: Draw, context: Context
+) -> PerturbedRobots:
+    effects = robot_request(point).effects
+    return compared_about(judgement.trial_set.initial, effects, label, draw, context)
 
 
 def _rewhitened(
-    judgement: Judgement,
-    context: Context,
-    point: Point,
-    label: str,
-    drawn: Callable[[Simulator], Sequence[Simulator]],
-) -> tuple[Judgement, tuple[Comparison, ...]]:
-    """Return a judgement by the covariance of drawn robots, and these; those that failed are left out."""
-    initial = judgement.trial_set.initial
-    request = robot_request(point)
-    problem = initial.problem.with_effects(request.effects)
-    centre = Simulator.build(problem, fidelity=initial.simulator.fidelity)
-    named = {f"{label}, {i}: {request.name}": robot for i, robot in enumerate([centre, *drawn(centre)])}
-    middle, *others = context.runner.compare_robots(initial, named)
-    known = tuple(one for one in others if one is not None)
-    if middle is None or not known:
-        return judgement, judgement.tolerant_robots
-    changes = np.array([one.whitened - middle.whitened for one in known])
-    return judgement.rewhitened(initial.with_covariance_of(changes)), known
+    judgement: Judgement, robots: PerturbedRobots, tolerant: tuple[Comparison, ...] = ()
+) -> Judgement:
+    """Return a judgement by the covariance of some robots; the same one where none could be simulated."""
+    if not robots.comparisons:
+        return judgement
+    covariance = judgement.trial_set.initial.with_covariance_of(robots.changes)
+    return replace(judgement.rewhitened(covariance), tolerant_robots=tolerant)

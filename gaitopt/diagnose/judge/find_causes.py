@@ -22,7 +22,7 @@ from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.gait_sets import GaitSets
 from gaitopt.diagnose.judge.gap import Gap, GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
-from gaitopt.diagnose.judge.perturbed import PerturbedRobots, perturbed_about
+from gaitopt.diagnose.judge.perturbed import perturbed_about
 from gaitopt.diagnose.judge.set_causes import judged_by_sets
 from gaitopt.diagnose.judge.set_verdict import conclude_sets
 from gaitopt.diagnose.judge.sets import JudgedSets
@@ -76,15 +76,6 @@ class PreparedTrials:
     perturbed: tuple[Comparison | None, ...]
 
 
-@dataclass(frozen=True)
-class _Explanation:
-    """Candidates, robots perturbed about the first of them, and the unevenness relative to these."""
-
-    judgement: Judgement
-    robots: PerturbedRobots
-    uneven: float
-
-
 def prepare_trials(gap: NominalGap, context: Context) -> PreparedTrials:
     """Return trials whitened by the covariance of robots perturbed about the nominal one."""
     settings = context.settings
@@ -129,13 +120,11 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
         nothing = np.empty((0, len(trial_set.row_blocks)))
         return Causes(judgement, Verdict("no_gap"), None, nothing, uneven, context.seed)
     first = _fitted_alone(judgement, hypotheses, context)
-    finish(first.fits, context.runner, settings.fit)
-    first = replace(first)  # the one before keeps the candidates of its unfinished fits
     wide = first if falls_short(first) else _fitted_to_whole_trials(judgement, first, context)
     if falls_short(wide):
         return _explained_by_gait_sets(first, judgement, gap, hypotheses, context)
-    found = _explained(wide.refine_covariance(context), gap, trial_set, context)
-    return _concluded(found, gap, before <= settings.verdict.faint_gap, context)
+    faint = before <= settings.verdict.faint_gap
+    return _concluded(wide.refine_covariance(context), gap, trial_set, faint, context)
 
 
 def _fitted_alone(judgement: Judgement, hypotheses: Sequence[Hypothesis], context: Context) -> Judgement:
@@ -148,6 +137,7 @@ def _fitted_alone(judgement: Judgement, hypotheses: Sequence[Hypothesis], contex
     head = head_of(judgement.trial_set, settings)
     trial_set, nominal = head or (judgement.trial_set, judgement.nominal)
     fits = fit_all(trial_set, hypotheses, nominal, runner, settings)
+    finish(fits, runner, settings)
     fitted = replace(judgement, trial_set=trial_set, nominal=nominal, fits=tuple(fits))
     if not fitted.singles:
         raise GaitoptError("no effect can be tried: the simulation of every robot that has one fails")
@@ -183,13 +173,6 @@ def _explained_by_gait_sets(
     """
     search = GaitSets(first, wide, gap.floors, hypotheses, context)
     return _concluded_sets(*(search.exactly() or search.with_tolerances()), gap, hypotheses, context)
-
-
-def _explained(judgement: Judgement, gap: NominalGap, trial_set: TrialSet, context: Context) -> _Explanation:
-    """Return candidates with robots perturbed about the first of them."""
-    robots = perturbed_about(judgement.trial_set, judgement.first, context)
-    uneven = unevenness(trial_set, gap.floors, robots.comparisons, context.settings.verdict)
-    return _Explanation(judgement, robots, uneven)
 
 
 def _concluded_sets(
@@ -236,16 +219,20 @@ def _gaps(judgement: Judgement, gap: NominalGap, context: Context) -> tuple[Gap,
     return meter.measure(judgement.first, gap.floor_m), angles
 
 
-def _concluded(found: _Explanation, gap: NominalGap, faint: bool, context: Context) -> Causes:
-    """Return the answer that the evidence allows.
+def _concluded(
+    judgement: Judgement, gap: NominalGap, trial_set: TrialSet, faint: bool, context: Context
+) -> Causes:
+    """Return the answer that single effects allow.
 
     Args:
-        found: the candidates.
+        judgement: the whole trials and the effects, by the covariance about the leading ones.
         gap: the trials aligned with the nominal robot.
+        trial_set: the trials by the first covariance.
         faint: whether the gap counts as none if no effect explains it.
-        context: seed and settings.
+        context: simulates robots; seed and settings.
     """
-    judgement = found.judgement
-    verdict = conclude(judgement, found.robots, found.uneven, faint, context.seed)
+    robots = perturbed_about(judgement.trial_set, judgement.first, context)
+    uneven = unevenness(trial_set, gap.floors, robots.comparisons, context.settings.verdict)
+    verdict = conclude(judgement, robots, uneven, faint, context.seed)
     measured, angles = _gaps(judgement, gap, context)
-    return Causes(judgement, verdict, measured, found.robots.changes, found.uneven, context.seed, angles)
+    return Causes(judgement, verdict, measured, robots.changes, uneven, context.seed, angles)

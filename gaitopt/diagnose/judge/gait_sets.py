@@ -70,8 +70,9 @@ class Simulated:
         for fit in judgement.fits:
             robots = {float(one.at[0]): one for one in fit.comparisons}
             robots.pop(fit.hypothesis.neutral, None)  # the nominal one
-            requests = [fit.request(at) for at in robots]
-            self.add(requests, [trial_set.initial.rewhiten(one, trial_set) for one in robots.values()])
+            requests = {at: request for at in robots if (request := fit.request(at)).name not in self.robots}
+            initial = trial_set.initial
+            self.add([*requests.values()], [initial.rewhiten(robots[at], trial_set) for at in requests])
 
     def with_effects_of(self, fit: SetFit) -> list[Comparison]:
         """Return the robots that have the effects of a set, on the same targets and no others."""

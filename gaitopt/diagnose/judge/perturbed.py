@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.small_errors import perturbed_robots
+from gaitopt.effects.active import Values
 from gaitopt.simulation.rollout import Simulator
 
 
@@ -32,18 +33,40 @@ class PerturbedRobots:
 Perturb = Callable[[TrialSet, Candidate, Context], PerturbedRobots]
 """Returns the robots perturbed about a candidate."""
 
+Draw = Callable[[Simulator], Sequence[Simulator]]
+"""Draws robots about one."""
+
 
 def perturbed_about(trial_set: TrialSet, candidate: Candidate, context: Context) -> PerturbedRobots:
     """Return robots perturbed about a candidate, compared with the trials."""
-    values, settings = candidate.effect_values, context.settings
-    problem = trial_set.problem.with_effects(values)
+    count, errors = context.settings.precision.robots, context.settings.small_errors
+
+    def draw(centre: Simulator) -> Sequence[Simulator]:
+        return perturbed_robots(centre, context.seed, count, Stream.PRECISION_ROBOTS, errors)
+
+    return compared_about(trial_set, candidate.effect_values, "drawn", draw, context)
+
+
+def compared_about(
+    trial_set: TrialSet,
+    effects: Mapping[str, Values],
+    label: str,
+    draw: Draw,
+    context: Context,
+) -> PerturbedRobots:
+    """Return robots drawn about one with some effects, compared with the trials.
+
+    Args:
+        trial_set: the trials.
+        effects: the effects of that robot.
+        label: a name for what is drawn: results are kept by it.
+        draw: draws the robots.
+        context: simulates them.
+    """
+    problem = trial_set.problem.with_effects(effects)
     simulator = Simulator.build(problem, fidelity=trial_set.simulator.fidelity)
-    count, errors = settings.precision.robots, settings.small_errors
-    robots = [
-        simulator,
-        *perturbed_robots(simulator, context.seed, count, Stream.PRECISION_ROBOTS, errors),
-    ]
-    named = {f"drawn {index}: {values!r}": robot for index, robot in enumerate(robots)}
+    robots = [simulator, *draw(simulator)]
+    named = {f"{label} {index}: {effects!r}": robot for index, robot in enumerate(robots)}
     centre, *others = context.runner.compare_robots(trial_set, named)
     known = tuple(other for other in others if other is not None and centre is not None)
     changes = [other.whitened - centre.whitened for other in known if centre is not None]
