@@ -66,7 +66,7 @@ def _values(row: dict[str, Any]) -> Values:
 
 def _before(found: Causes, executor: Executor, seed: int) -> dict[str, Any]:
     """Return the same predictions by no effect: by what the nominal robot leaves of the recordings."""
-    nothing = replace(found, judgement=replace(found.judgement, fits=(), pairs=(), sets=None))
+    nothing = replace(found, judgement=replace(found.judgement, fits=(), sets=None))
     robots: list[tuple[()]] = [()] * PredictionSettings.robots
     rows = predictions(nothing, robots, executor, seed)
     return {row.gait: row.speed.to_dict() for row in rows if row.speed and not row.filmed}

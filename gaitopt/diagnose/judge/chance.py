@@ -108,27 +108,28 @@ def fitted_chance(
 def fit_size(
     hypothesis: Hypothesis, values: Array, ratios: Array, settings: ChanceSettings
 ) -> list[tuple[float, Chance]]:
-    """Return the size at which the ratios come closest to 1, and how far they then scatter; none at an end.
+    """Return the size at which the ratios come closest to 1, and how far they then scatter.
 
     The logarithms of the ratios are taken to be Gaussian about 0, and linear in the logarithm of the size
-    between the sizes that were simulated.
+    between the sizes that were simulated. Nothing is returned where that size is the least or the largest
+    one, or is implausible: cycles that differ very much differ for another reason.
 
     Args:
         hypothesis: the effect.
         values: its sizes, ascending, shape (n,).
         ratios: squares of recorded by simulated differences of the cycles, shape (n, signals).
-        settings: the least scatter.
+        settings: the least scatter, and which sizes are plausible.
     """
     grid = np.geomspace(values[0], values[-1], settings.grid)
     logs = np.log(np.maximum(ratios, settings.least_ratio))
     along = np.stack([np.interp(np.log(grid), np.log(values), column) for column in logs.T], axis=1)
     squares = np.sum(along**2, axis=1)
     best, degrees = int(np.argmin(squares)), max(1, along.shape[1] - 1)
-    if best in (0, len(grid) - 1):
+    effect, size = hypothesis.effect, float(grid[best])
+    if best in (0, len(grid) - 1) or effect.log_prior(size, hypothesis.nominal) < settings.least_log_prior:
         return []
     variance = max(float(squares[best]) / degrees, settings.least_scatter**2)
     inside = grid[squares <= squares[best] + settings.interval * variance]
     ends = (float(inside[0]), float(inside[-1]))
     left = float(np.exp(0.5 * along[best].max()))
-    effect = hypothesis.effect
-    return [(float(squares[best]), Chance(effect.name, effect.parameter, float(grid[best]), ends, left))]
+    return [(float(squares[best]), Chance(effect.name, effect.parameter, size, ends, left))]

@@ -223,6 +223,8 @@ class ChanceSettings:
             known to half of itself.
         interval: how much the squares may grow, in variances, inside the 90 % interval; twice what
             independent signals would allow.
+        least_log_prior: logarithm of the prior density of a plausible size, at least, the largest being 0:
+            three standard deviations.
     """
 
     shares: tuple[float, ...] = (0.03, 0.08, 0.2, 0.45, 1.0)
@@ -230,6 +232,7 @@ class ChanceSettings:
     least_ratio: float = 1e-3
     least_scatter: float = 0.5
     interval: float = 5.4
+    least_log_prior: float = -4.5
 
 
 @dataclass(frozen=True)

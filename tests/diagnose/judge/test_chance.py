@@ -18,12 +18,15 @@ from gaitopt.diagnose.judge.find_causes import NominalGap, prepare_trials
 from gaitopt.diagnose.judge.settings import ChanceSettings
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.effects.active import Values
+from gaitopt.effects.prior import Prior
 from gaitopt.optimise.executors import open_executor
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import Simulator
 
 SETTINGS = ChanceSettings()
-GRIP = cast(Hypothesis, SimpleNamespace(effect=SimpleNamespace(name="grip", parameter="sd")))
+PRIOR = Prior("half-normal", 0.0, 0.15, "a test")
+EFFECT = SimpleNamespace(name="grip", parameter="sd", log_prior=lambda value, _: PRIOR.log_density(value))
+GRIP = cast(Hypothesis, SimpleNamespace(effect=EFFECT, nominal=None))
 
 
 def ratios(true: float, values: np.ndarray, signals: int = 6, scatter: float = 0.0) -> np.ndarray:
@@ -54,6 +57,12 @@ def test_signals_that_disagree_widen_the_interval() -> None:
 def test_nothing_is_said_beyond_what_was_simulated(true: float) -> None:
     values = np.array([0.02, 0.1, 0.6])
     assert fit_size(GRIP, values, ratios(true, values), SETTINGS) == []
+
+
+@pytest.mark.parametrize(("true", "found"), [(0.4, 1), (0.5, 0)])
+def test_cycles_that_differ_very_much_are_no_chance(true: float, found: int) -> None:
+    values = np.array([0.02, 0.1, 0.6])
+    assert len(fit_size(GRIP, values, ratios(true, values), SETTINGS)) == found
 
 
 @pytest.mark.slow
