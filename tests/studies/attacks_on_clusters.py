@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from threading import Thread
-from typing import Any
 
 from attacked import (
     ATTACKS,
@@ -51,13 +50,18 @@ for _title, _said in PEERS.items():
 @contextmanager
 def cluster(on: Ground) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     """The address of a scheduler of the attacked version, and its one worker."""
-    python, file = on.program.venv / "bin" / "python", on.folder / "scheduler.json"
-    begin = [python, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
-    work = [python, "-m", "distributed.cli.dask_worker", "--scheduler-file", file, "--no-nanny"]
-    options: dict[str, Any] = {"cwd": on.folder, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    file = on.folder / "scheduler.json"
+
+    def started(module: str, *options: str) -> subprocess.Popen[bytes]:
+        python = str(on.program.venv / "bin" / "python")
+        command = [python, "-m", f"distributed.cli.{module}", "--scheduler-file", str(file), "--no-dashboard"]
+        return subprocess.Popen(
+            [*command, *options], cwd=on.folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+
     running = [
-        subprocess.Popen([*begin, "--scheduler-file", file, "--no-dashboard"], **options),
-        subprocess.Popen([*work, "--nthreads", "1", "--no-dashboard"], **options),
+        started("dask_scheduler", "--host", "127.0.0.1", "--port", "0"),
+        started("dask_worker", "--no-nanny", "--nthreads", "1"),
     ]
     try:
         until = time.monotonic() + 60.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from attacked import (
@@ -61,9 +62,7 @@ def searched(on: Ground, name: str) -> Ended:
 
 
 for _name in ("[/x]", "$\\frac{$"):
-    ATTACKS.append(
-        Attack(4, f"`optimise` with a gait called `{_name}`", lambda on, name=_name: searched(on, name), DONE)
-    )
+    ATTACKS.append(Attack(4, f"`optimise` with a gait called `{_name}`", partial(searched, name=_name), DONE))
 
 
 @attack(4, "escape sequences in an edited `summary.json`", DONE)

@@ -82,7 +82,7 @@ def _full() -> Plan:
     """
     names = sorted(name for name, effect in EFFECTS.items() if not effect.found_in_record)
     singles: list[Planned] = [("single", name) for name in names for _ in range(3)]
-    drawn: list[Planned] = [("none", None)] * 60 + [("pair", None)] * 15 + [("single", None)] * 12
+    drawn: list[Planned] = [(kind, None) for kind in ["none"] * 60 + ["pair"] * 15 + ["single"] * 12]
     return Plan(851, None, tuple(singles + _outside(5) + drawn))
 
 
@@ -248,11 +248,12 @@ def write_record(out: Path, plan: str, rows: list[dict[str, Any]]) -> None:
     ]
     record = score(cases)
     print("\n".join(sentences(record)))
+    similar = alike(cases)
     more = {
         "unreachable": sorted({row["unreachable"] for row in rows if "unreachable" in row}),
         "versions": sorted({row["version"] for row in rows}),
         "cost": _cost(known),
-        "alike": alike(cases),
+        "alike": similar,
         "worth": worth(known, cases),
     }
     figures = {key: value for key, value in record.to_dict().items() if key != "rows"}
@@ -267,7 +268,7 @@ def write_record(out: Path, plan: str, rows: list[dict[str, Any]]) -> None:
             f"{row.verdict} | {', '.join(row.causes) or '–'} | "
             f"{', '.join(row.ambiguous_with) or '–'} | {row.other_probability or 0.0:.2f} |"
         )
-    parts = [*(f"- {s}" for s in sentences(record)), "", *lines, *_alike_table(more["alike"])]
+    parts = [*(f"- {s}" for s in sentences(record)), "", *lines, *_alike_table(similar)]
     write_text(out / f"{plan}.md", "\n".join(parts) + "\n")
     if any(case.kind == "single" for case in cases):
         _confusion(out / f"{plan}-confusion.png", cases)
@@ -356,7 +357,7 @@ def _calibration(path: Path, record: Score) -> None:
     """Draw how often the first cause was right against the stated probability."""
     figure, axes = plt.subplots(figsize=(4.2, 4.0), layout="constrained")
     axes.plot([0.0, 1.0], [0.0, 1.0], color="0.6", linewidth=1.0, linestyle="--", label="as said")
-    rows = [one.to_dict() for one in record.calibration]
+    rows: list[dict[str, Any]] = [one.to_dict() for one in record.calibration]
     said, right = np.array([r["said"] for r in rows]), np.array([r["value"] for r in rows])
     ends = np.array([r["ci90"] for r in rows]).reshape(-1, 2)
     axes.errorbar(said, right, [right - ends[:, 0], ends[:, 1] - right], fmt="o", color="#0072B2", capsize=3)

@@ -124,7 +124,9 @@ def drawn(problem: Problem, seed: int, index: int, outside: bool) -> SealedRobot
     return robot
 
 
-def case(index: int, options: argparse.Namespace, problem: Problem, winner: Gait, pool: Executor) -> dict:
+def case(
+    index: int, options: argparse.Namespace, problem: Problem, winner: Gait, pool: Executor
+) -> dict[str, Any]:
     """Run a case, and return its row."""
     hard, outside = index % 3 == 0, index % 12 == 5
     for draw in range(DRAWS):

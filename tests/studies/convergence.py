@@ -20,6 +20,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -227,7 +228,11 @@ def converge(out: Path, executor: Executor) -> KeptTable:
                     "model": model,
                 }
                 finer = simulator.at(level)
-                table.fill(key, lambda s=finer, g=gait: [speeds(s, g, executor)])
+
+                def row(finer: Simulator = finer, gait: Gait = gait) -> list[Row]:
+                    return [speeds(finer, gait, executor)]
+
+                table.fill(key, row)
     return table
 
 
@@ -272,8 +277,7 @@ def part(out: Path, executor: Executor) -> KeptTable:
                 "timestep_s": repr(level.timestep_s),
                 "model": model,
             }
-            pair = starts.at(level), nudged.at(level)
-            table.fill(key, lambda p=pair, g=gait: growth(*p, g, executor))
+            table.fill(key, partial(growth, starts.at(level), nudged.at(level), gait, executor))
     return table
 
 

@@ -126,7 +126,11 @@ def main() -> None:
         model = fingerprint(problem)
         for name, pose in POSES.items():
             key = {"contact": choice.name, "pose": name, "model": model}
-            table.fill(key, lambda p=problem, a=pose: [stand(p, a)])
+
+            def row(problem: Problem = problem, pose: tuple[float, ...] = pose) -> list[Row]:
+                return [stand(problem, pose)]
+
+            table.fill(key, row)
 
 
 if __name__ == "__main__":

@@ -49,8 +49,10 @@ def problems() -> dict[str, Problem]:
         value = math.sqrt(low * high) if effect.scale == "log" else low + 0.3 * (high - low)
         if value == effect.neutral_value(parts):
             value *= 1.1
-        target = {"target": nominal.channel_names[0]} if effect.target == "one" else {}
-        found[name] = nominal.with_effects({name: {effect.parameter: value} | target})
+        table: dict[str, float | str] = {effect.parameter: value}
+        if effect.target == "one":
+            table["target"] = nominal.channel_names[0]
+        found[name] = nominal.with_effects({name: table})
     return found
 
 

@@ -18,7 +18,9 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +33,7 @@ from kept_table import KeptTable, Row
 from gaitopt.core.streams import seeded
 from gaitopt.diagnose.record.export import ImportOptions, Motion
 from gaitopt.diagnose.record.importing import Recording, write_recordings
+from gaitopt.effects.active import Tables
 from gaitopt.jobs.diagnose import diagnose
 from gaitopt.jobs.track import track
 from gaitopt.problem.problem import Problem, load_problem
@@ -38,7 +41,7 @@ from gaitopt.report.film.phone import shot
 from gaitopt.report.film.stage import stage_of, truth, walk
 from gaitopt.robot.signals import MARKER
 
-SEALED = {
+SEALED: dict[str, dict[str, Tables]] = {
     "torque": {"servo_torque_limit": {"limit_n_m": 0.12}},
     "direction": {"friction_direction": {"ratio": 2.0}},
     "timing": {"channel_timing": {"target": "foot2", "delay_s": 0.06}},
@@ -59,7 +62,7 @@ def films_of(problem: Problem, folder: Path) -> None:
         if not known.exists():
             stage, motion = stage_of(problem), walk(problem, gait, seconds + 0.2)
             made = shot(folder / f"{gait}.mp4", stage, motion, stand(0.5), USUAL, seconds, begin=0.02)
-            np.savez(known, times=made.times, **truth(problem, stage, motion, made.times))
+            np.savez(known, allow_pickle=False, times=made.times, **truth(problem, stage, motion, made.times))
 
 
 def shown(folder: Path, gait: str) -> dict[str, Array]:
@@ -100,7 +103,7 @@ def tracked(name: str, keep: Path) -> Path:
 def rows(name: str, kind: str, keep: Path) -> list[Row]:
     """Diagnose a sealed robot from one kind of data."""
     found = diagnose(load_problem("arcfold"), tracked(name, keep) / kind, next_gait=False, workers=1)
-    content = found.diagnosis.to_dict()
+    content: dict[str, Any] = found.diagnosis.to_dict()
     effects = {row["name"]: row for row in content["effects"]}
     (true,) = SEALED[name]
     gap = content["gap"]
@@ -131,7 +134,7 @@ def main() -> None:
         for kind in KINDS:
             for name in options.only.split(","):
                 key = {"sealed": name, "data": kind}
-                table.fill(key, lambda key=key: rows(*key.values(), options.films or Path(temporary)))
+                table.fill(key, partial(rows, name, kind, options.films or Path(temporary)))
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -191,7 +192,7 @@ def filmed(case: Case, problem: Problem, seconds: float, folder: Path) -> Walk:
         place = stand(case.distance, case.high_deg)
         made = shot(path, stage, motion, place, case.phone, seconds, begin=BEGIN_S, hidden=case.hidden)
         true = truth(problem, stage, motion, made.times) | places(stage, motion, made, case.phone)
-        np.savez(known, times=made.times - made.times[0], **true)
+        np.savez(known, allow_pickle=False, times=made.times - made.times[0], **true)
     with np.load(known) as shown:
         content = {key: shown[key] for key in shown.files}
     return Walk(path, content.pop("times"), content)
@@ -259,7 +260,7 @@ def main() -> None:
         for case in cases():
             if case.study in options.only.split(","):
                 key = {"study": case.study, "film": case.name, "gait": case.gait}
-                table.fill(key, lambda case=case: rows(case, options.seconds, films))
+                table.fill(key, partial(rows, case, options.seconds, films))
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -88,7 +89,7 @@ def main() -> None:
             if slope:
                 problem = problem.with_effects({"ground_slope": {"angle_rad": float(np.deg2rad(slope))}})
             key = {"gait": gait, "periods": str(times), "slope_deg": f"{slope:g}", "mu": f"{mu:g}"}
-            table.fill(key, lambda p=problem, g=gait, t=times: row(p, g, t))
+            table.fill(key, partial(row, problem, gait, times))
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ from collections import Counter
 from collections.abc import Iterator
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -91,7 +92,7 @@ def whole_runs(count: int) -> Iterator[tuple[str, int]]:
             yield kind, number
 
 
-def earlier(folder: Path | None) -> dict:
+def earlier(folder: Path | None) -> dict[str, Any]:
     """Return the report of an earlier run; kinds that are not run again are kept."""
     path = folder / "fuzz.json" if folder else None
     return json.loads(path.read_text()) if path and path.is_file() else {}
@@ -105,7 +106,7 @@ def show(seed: int, kind: str, number: int) -> None:
         print(case.arguments, fuzzing.attempt(case, folder))
 
 
-def run(seed: int, waiting: list[tuple[str, int]]) -> Iterator[dict]:
+def run(seed: int, waiting: list[tuple[str, int]]) -> Iterator[dict[str, Any]]:
     """Yield how each case ended; a process that died or hung is replaced by another."""
     context = multiprocessing.get_context("spawn")
     while waiting:
@@ -121,7 +122,7 @@ def run(seed: int, waiting: list[tuple[str, int]]) -> Iterator[dict]:
         process.join()
 
 
-def answers(pipe: Connection, process: multiprocessing.process.BaseProcess) -> Iterator[dict]:
+def answers(pipe: Connection, process: multiprocessing.process.BaseProcess) -> Iterator[dict[str, Any]]:
     """Yield the answers of a process until it ends, and the reason if it did not finish its work."""
     patience = fuzzing.WHOLE_LIMIT_S + 120.0  # imports, and the run that later cases break
     while True:
@@ -161,7 +162,7 @@ def work(pipe: Connection, seed: int, waiting: list[tuple[str, int]]) -> None:
         shutil.rmtree(root, ignore_errors=True)
 
 
-def large() -> dict:
+def large() -> dict[str, Any]:
     """Return the cost of an import of two million rows."""
     with tempfile.TemporaryDirectory() as name:
         path, out = Path(name) / "walk.csv", Path(name) / "out"
@@ -171,14 +172,14 @@ def large() -> dict:
                 file.write(f"{0.001 * i:.3f},{1e-5 * i + 1e-3 * (i % 7):.5f},{2e-3 * (i % 3)}\n")
         code = "from gaitopt.cli import main; raise SystemExit(main())"
         began = time.monotonic()
-        command = [sys.executable, "-c", code, "import", path, "--gait", "square-1s", "--out", out]
+        command = [sys.executable, "-c", code, "import", str(path), "--gait", "square-1s", "--out", str(out)]
         done = subprocess.run(command, capture_output=True, check=False)
         peak_kb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
         seconds = time.monotonic() - began
     return {"rows": {"rows": ROWS, "exit": done.returncode, "seconds": seconds, "peak_gb": peak_kb / 1e6}}
 
 
-def tabulated(rows: list[dict], before: dict) -> dict:
+def tabulated(rows: list[dict[str, Any]], before: dict[str, Any]) -> dict[str, Any]:
     """Return the table by kind, and every case with a forbidden end."""
     kinds = {}
     for kind in fuzzing.KINDS:
@@ -203,7 +204,7 @@ def tabulated(rows: list[dict], before: dict) -> dict:
     return {"cases": sum(row["cases"] for row in kinds.values()), "kinds": kinds, "wrong": wrong}
 
 
-def page(report: dict) -> str:
+def page(report: dict[str, Any]) -> str:
     """Return the README of the results folder."""
     wrong = len(report["wrong"])
     verdict = "none ended otherwise" if not wrong else f"{wrong} ended otherwise"

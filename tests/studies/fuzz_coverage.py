@@ -21,6 +21,7 @@ import tempfile
 import traceback
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -52,7 +53,7 @@ SEEDS = ("gait", "table", "problem", "MJCF", "import", "journal", "summary", "di
 """The readers."""
 
 
-def fuzzed(name: str, seconds: int, seed: int) -> dict:
+def fuzzed(name: str, seconds: int, seed: int) -> dict[str, Any]:
     """Fuzz one reader in a process of its own, and return what libFuzzer and the reader say."""
     with tempfile.TemporaryDirectory() as folder:
         options = ["--only", name, "--seconds", str(seconds), "--seed", str(seed), "--within", folder]
@@ -174,7 +175,7 @@ DIAGNOSED = b'{"verdict": "no_gap", "answer": "No significant gap.", "explanatio
 """What is printed of a finished diagnosis."""
 
 
-def page(rows: list[dict], seconds: int, seed: int) -> str:
+def page(rows: list[dict[str, Any]], seconds: int, seed: int) -> str:
     """Return the page of the figures."""
     wrong = sum(len(row["wrong"]) for row in rows)
     lines = [

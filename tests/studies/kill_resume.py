@@ -3,7 +3,7 @@
 A case is one run folder. The run is killed in its first stage, at a random moment of that stage. The run that
 goes on is killed in the next stage, and so on; the last one ends undisturbed. A search has twelve stages, a
 diagnosis as well. Each kill must land: the process ends by SIGKILL, and its marker names the stage. See
-``tests/stopping.py``. A study that was ended goes on with the cases that are missing.
+``tests/ending.py``. A study that was ended goes on with the cases that are missing.
 
     python tests/studies/kill_resume.py --cases 20 --seed 1 --out results/kill-resume
 
@@ -20,11 +20,12 @@ import tempfile
 import time
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from ending import Stop, Work, diagnosis, result, search, small_trials
 from kept import read_kept, version, write_kept
-from stopping import Stop, Work, diagnosis, result, search, small_trials
 
 from gaitopt.core.json import to_json
 
@@ -55,7 +56,7 @@ def work_of(job: str, folder: Path, trials: Path, workers: int) -> Work:
     return search(folder, workers=workers) if job == "optimise" else diagnosis(folder, trials, workers)
 
 
-def study(job: str, options: argparse.Namespace, folder: Path, path: Path) -> list[dict]:
+def study(job: str, options: argparse.Namespace, folder: Path, path: Path) -> list[dict[str, Any]]:
     """Run the cases of one job that are not done yet, and keep each."""
     rows, trials = read_kept(path, options.seed), folder / "trials"
     done = {row["case"] for row in rows if row["job"] == job}
@@ -78,7 +79,7 @@ def study(job: str, options: argparse.Namespace, folder: Path, path: Path) -> li
     return rows
 
 
-def killed(work: Work, ticks: dict[str, int], rng: random.Random) -> list[dict]:
+def killed(work: Work, ticks: dict[str, int], rng: random.Random) -> list[dict[str, Any]]:
     """Kill a run in each of its stages, in the first half of each, and return where it happened.
 
     What an earlier run simulated is not simulated again, so the second half may never come.
@@ -92,7 +93,7 @@ def killed(work: Work, ticks: dict[str, int], rng: random.Random) -> list[dict]:
     return kills
 
 
-def tabulated(rows: list[dict]) -> list[dict]:
+def tabulated(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return a row of each stage of each job: kills that landed, and cases that ended with the same bits."""
     table = []
     for job in JOBS:
@@ -114,7 +115,7 @@ def tabulated(rows: list[dict]) -> list[dict]:
     return table
 
 
-def page(rows: list[dict], seed: int) -> str:
+def page(rows: list[dict[str, Any]], seed: int) -> str:
     """Return the README of the results folder."""
     table, count = tabulated(rows), Counter(row["job"] for row in rows)
     same, minutes = sum(row["same"] for row in rows), sum(row["seconds"] for row in rows) / 60.0

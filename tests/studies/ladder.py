@@ -50,7 +50,10 @@ from gaitopt.simulation.setup import RobotSetup
 
 NEIGHBOURS = 16
 
-CASES = {"arcfold": ("arcfold", True, 6, 150), "strider": (ROBOTS / "strider", False, 15, 400)}
+CASES: dict[str, tuple[str | Path, bool, int, int]] = {
+    "arcfold": ("arcfold", True, 6, 150),
+    "strider": (ROBOTS / "strider", False, 15, 400),
+}
 """Problem, whether it is planned, seeds, and gaits of a search."""
 
 RUNGS: dict[str, Callable[[RobotSetup, float], RobotSetup]] = {

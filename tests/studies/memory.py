@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -81,7 +82,7 @@ def open_files() -> int:
     return sum(1 for _ in Path("/proc/self/fd").iterdir())
 
 
-def page(report: dict) -> str:
+def page(report: dict[str, Any]) -> str:
     """Return the README of the results folder."""
     rows = report["rows"]
     settled = next(row for row in rows if row["gaits"] >= SETTLED)

@@ -33,6 +33,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
 from gaitopt.diagnose.diagnosis import Diagnosis, DiagnosisRequest, diagnose
+from gaitopt.diagnose.judge.experiment import Experiment
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.gait.gait import Gait, write_gait
 from gaitopt.optimise.executors import open_executor
@@ -87,11 +88,14 @@ class Study:
         before = self.diagnosed(self.film(draw, index, work / f"{index:03d}"), True)
         row: dict[str, Any] = {"case": index, "seed": self.seed, "version": version(), "planted": truth}
         row["before"] = _answer(before, truth)
-        if before.verdict != "ambiguous" or before.experiment is None:
+        experiment = before.experiment
+        if before.verdict != "ambiguous" or experiment is None:
             return row
+        if not isinstance(experiment, Experiment):
+            raise TypeError(f"case {index}: after films of gaits, commands are proposed, not a gait")
         space = self.factory.problem.space
-        proposed = replace(before.experiment.gait, name="next")
-        row["expected_separation"] = before.experiment.separation
+        proposed = replace(experiment.gait, name="next")
+        row["expected_separation"] = experiment.separation
         row["proposed"] = self._after(draw, index, work, proposed, truth)
         row["random"] = []
         while len(row["random"]) < RANDOM:

@@ -227,8 +227,9 @@ def _scale(case: Case) -> float:
 
 def speed_of(one: Walk, period_s: float) -> float:
     """Return the forward speed over whole cycles after the first two seconds, m/s."""
-    cycles = math.floor((one.time[-1] - 2.0) / period_s)
-    begin = round((one.time[-1] - cycles * period_s) / ROW_S)
+    end = float(one.time[-1])
+    cycles = math.floor((end - 2.0) / period_s)
+    begin = round((end - cycles * period_s) / ROW_S)
     return float(one.marker[-1, 0] - one.marker[begin, 0]) / (cycles * period_s)
 
 

@@ -81,21 +81,29 @@ class Recording:
 
 
 class Rig(Protocol):
-    """What is measured, by numerics of its own.
+    """What is measured, by numerics of its own."""
 
-    Attributes:
-        problem: name of the problem.
-        channels: the servo of each column of commands.
-        joints: the joint of each column of angles.
-        row_s: time between two rows of a log, s.
-        kinds: the effects that can be planted, by name.
-    """
+    # properties, not attributes: those of a frozen record cannot be set
 
-    problem: str
-    channels: Sequence[str]
-    joints: Sequence[str]
-    row_s: float
-    kinds: Mapping[str, Kind]
+    @property
+    def problem(self) -> str:
+        """Name of the problem."""
+
+    @property
+    def channels(self) -> Sequence[str]:
+        """The servo of each column of commands."""
+
+    @property
+    def joints(self) -> Sequence[str]:
+        """The joint of each column of angles."""
+
+    @property
+    def row_s(self) -> float:
+        """Time between two rows of a log, s."""
+
+    @property
+    def kinds(self) -> Mapping[str, Kind]:
+        """The effects that can be planted, by name."""
 
     def recordings(self, rng: np.random.Generator) -> list[Recording]:
         """Return what is commanded in a case."""
@@ -169,8 +177,8 @@ def make(rig: Rig, plan: Plan, rng: np.random.Generator) -> Made | None:
 
 def draw(name: str, kind: Kind, size: int | None, rng: np.random.Generator) -> tuple[Key, float]:
     """Return an effect with a target and a value: from a third of a range, ratios equally likely."""
-    target = str(kind.targets[rng.integers(len(kind.targets))])
-    low, high = kind.ranges[rng.integers(len(kind.ranges))]
+    target = str(kind.targets[int(rng.integers(len(kind.targets)))])
+    low, high = kind.ranges[int(rng.integers(len(kind.ranges)))]
     third = int(rng.integers(len(SIZES))) if size is None else size
     share = (third + rng.uniform()) / len(SIZES)
     return (name, target), float(f"{low * (high / low) ** share:.4g}")

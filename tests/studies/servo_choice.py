@@ -217,7 +217,8 @@ def read(trials: Path, trial: Trial) -> tuple[NDArray[np.float64], NDArray[np.fl
 
 def real(trials: Path) -> Row:
     """Return the row of the real robot; its standard errors are over cycles."""
-    baselines, row = NOMINAL.problem().baselines, {}
+    baselines = NOMINAL.problem().baselines
+    row: Row = {}
     for trial in TRIALS:
         period = baselines[trial.gait].period_s
         row |= columns(features(*read(trials, trial), period, trial.from_s, trial.cycles), trial.gait)
@@ -265,7 +266,8 @@ def filmed(path: Trajectory, gait: Gait, trial: Trial) -> Features:
 def varied(problem: Problem, executor: Executor) -> Row:
     """Return the mean speeds and their standard deviations over the problem's scenarios."""
     scenarios = draw_scenarios(problem, SCENARIOS, (SCENARIO_SEED,))
-    simulator, row = Simulator.build(problem, scenarios, problem.simulation.reference), {}
+    simulator = Simulator.build(problem, scenarios, problem.simulation.reference)
+    row: Row = {}
     for trial in VARIED:
         gait = problem.baselines[trial.gait]
         duration = (1 + trial.cycles) * gait.period_s
@@ -285,7 +287,7 @@ def varied(problem: Problem, executor: Executor) -> Row:
 def simulated(problem: Problem, fidelity: Fidelity, executor: Executor) -> Row:
     """Return the row of one choice of the model; at the reference fidelity also over scenarios."""
     simulator = Simulator.build(problem, perturbed(STARTS), fidelity)
-    row = {}
+    row: Row = {}
     for trial in TRIALS:
         row |= extensions(simulator, problem.baselines[trial.gait], executor)
     row |= fast(simulator, executor)

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from gaitopt.effects.active import RobotEffects
-from gaitopt.gait.gait import Gait
+from gaitopt.gait.drive import Drive
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
@@ -37,22 +37,22 @@ def shared_rollouts(longest: Mapping[str, float]) -> Iterator[None]:
     kept: OrderedDict[str, Trajectory] = OrderedDict()
 
     def run(
-        robot: Simulator, gait: Gait, scenario: int = 0, duration: float | None = None, poses: bool = False
+        self: Simulator, drive: Drive, scenario: int = 0, duration: float | None = None, poses: bool = False
     ) -> Trajectory:
-        most = longest.get(gait.key, 0.0)
-        if duration is None or duration > most or poses or type(robot.effects) is not RobotEffects:
-            return own(robot, gait, scenario, duration, poses)
-        key = _key(robot, gait, scenario)
+        most = longest.get(drive.key, 0.0)
+        if duration is None or duration > most or poses or type(self.effects) is not RobotEffects:
+            return own(self, drive, scenario, duration, poses)
+        key = _key(self, drive, scenario)
         if key not in seen:
             seen.add(key)
-            return own(robot, gait, scenario, duration)
-        path = kept.pop(key, None) or own(robot, gait, scenario, most)
+            return own(self, drive, scenario, duration)
+        path = kept.pop(key, None) or own(self, drive, scenario, most)
         kept[key] = path  # behind all others
         if len(kept) > MOST:
             kept.popitem(last=False)
         if path.status != "ok":
-            return own(robot, gait, scenario, duration)
-        return _cut(path, len(robot.clock(duration)[:: robot.sample_steps]))
+            return own(self, drive, scenario, duration)
+        return _cut(path, len(self.clock(duration)[:: self.sample_steps]))
 
     Simulator.run = run  # type: ignore[method-assign]
     try:
@@ -61,11 +61,11 @@ def shared_rollouts(longest: Mapping[str, float]) -> Iterator[None]:
         Simulator.run = own  # type: ignore[method-assign]
 
 
-def _key(robot: Simulator, gait: Gait, scenario: int) -> str:
+def _key(robot: Simulator, drive: Drive, scenario: int) -> str:
     model = robot.models[scenario]
     content = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, content)
-    said = (robot.scenarios[scenario], robot.effects.active, robot.fidelity, gait.key)
+    said = (robot.scenarios[scenario], robot.effects.active, robot.fidelity, drive.key)
     return hashlib.sha256(content.tobytes() + repr(said).encode()).hexdigest()
 
 

@@ -49,7 +49,7 @@ SHARES = (0.0, 0.25, 0.5, 0.75)
 MEASURED = (0.1, 0.25, 0.5)
 """Shares of the measured time after which this is checked."""
 
-CASES = {
+CASES: dict[str, tuple[str | Path, bool, int, int]] = {
     "arcfold, from a plan": ("arcfold", True, 2, 120),
     "arcfold, cold": ("arcfold", False, 2, 120),
     "strider": (ROBOTS / "strider", False, 5, 400),

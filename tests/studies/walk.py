@@ -18,6 +18,7 @@ import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "whole"))
 from test_docs import ROOT, commands_in, film_of_a_robot, readme
 
 

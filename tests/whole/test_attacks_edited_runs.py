@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from edited_runs import deep
+from ending import small_trials
 from helpers import STRIDER, edited, problem_folder
 from hostility import run
-from stopping import small_trials
 
 from gaitopt.cli import app as cli
 from gaitopt.diagnose.diagnosis import DiagnosisRequest

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ending import Stop, Work, diagnosis, fill, result, search, small_trials
 from helpers import STRIDER
-from stopping import Stop, Work, diagnosis, fill, result, search, small_trials
 
 from gaitopt.cli import app as cli
 from gaitopt.core.files import csv_text

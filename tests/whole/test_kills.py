@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from stopping import Ended, Stop, Work, diagnosis, result, search, small_trials
+from ending import Ended, Stop, Work, diagnosis, result, search, small_trials
 
 
 @pytest.fixture(scope="module")

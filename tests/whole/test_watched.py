@@ -5,9 +5,9 @@ import shutil
 from pathlib import Path
 
 import pytest
+from ending import Stop, diagnosis, small_trials
 from helpers import STRIDER, edited, problem_folder
 from hostility import CUBE, contents
-from stopping import Stop, diagnosis, small_trials
 from watching import watched
 
 from gaitopt.diagnose.record.dataset import load_dataset
