@@ -24,7 +24,7 @@ from gaitopt.diagnose.judge.gap import Gap, GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.perturbed import perturbed_about
 from gaitopt.diagnose.judge.set_causes import judged_by_sets
-from gaitopt.diagnose.judge.set_verdict import conclude_sets
+from gaitopt.diagnose.judge.set_verdict import conclude_sets, predicts
 from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.small_errors import perturbed_robots
 from gaitopt.diagnose.judge.unevenness import unevenness
@@ -196,6 +196,8 @@ def _concluded_sets(
     robots = perturbed_about(judgement.trial_set, first, context)
     doubtful = judged.doubtful(robots.changes) if any_effect else ()
     verdict = conclude_sets(judgement, judged, len(hypotheses), doubtful)
+    if any_effect and not gap.has_logs and not predicts(judgement, judged, _meter(judgement, context)):
+        verdict = verdict.without_causes()
     uneven, chance, limit = 0.0, None, context.settings.verdict.uneven  # logged commands have no cycles
     if not gap.has_logs:
         # A clock that is a little too fast makes cycles differ, too, if they are taken from it.
@@ -213,10 +215,14 @@ def _concluded_sets(
 
 def _gaps(judgement: Judgement, gap: NominalGap, context: Context) -> tuple[Gap, Gap | None]:
     """Return the gap with the first candidate, and that of the angles; None where none was measured."""
-    draws = context.settings.evidence.gap_draws
-    meter = GapMeter(judgement.trial_set, judgement.nominal, context.seed, draws)
+    meter = _meter(judgement, context)
     angles = None if gap.floor_rad is None else meter.measure_angles(judgement.first, gap.floor_rad)
     return meter.measure(judgement.first, gap.floor_m), angles
+
+
+def _meter(judgement: Judgement, context: Context) -> GapMeter:
+    draws = context.settings.evidence.gap_draws
+    return GapMeter(judgement.trial_set, judgement.nominal, context.seed, draws)
 
 
 def _concluded(

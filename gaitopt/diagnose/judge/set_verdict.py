@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gaitopt.diagnose.judge import evidence
 from gaitopt.diagnose.judge.candidates import Candidate
+from gaitopt.diagnose.judge.gap import GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.verdict import Verdict, other_probability
@@ -38,12 +39,7 @@ def conclude_sets(
         kind = "no_gap" if remains <= settings.left else "unexplained"
         return Verdict(kind, other_probability=other)
     first = judgement.first
-    chances = at_work(judgement, sets)
-    likely = tuple(name for name, chance in chances.items() if chance > settings.at_work)
-    causes = tuple(name for name in likely if name not in doubtful)
-    rest = tuple(name for name in likely if name in doubtful)
-    rest += tuple(n for n, chance in chances.items() if settings.possible <= chance <= settings.at_work)
-    rest += tuple(name for name in stand_ins(judgement, sets, likely) if name not in rest)
+    causes, rest = _named(judgement, sets, doubtful)
     clear = bool(causes) and not rest
     if not causes:
         causes, rest = rest[:1], rest[1:]
@@ -67,9 +63,30 @@ def conclude_sets(
     return Verdict(kind, causes, rest, other, chance_alone)
 
 
-def at_work(judgement: Judgement, sets: JudgedSets) -> Mapping[str, float]:
-    """Return the probability over all sets that an effect is at work and matters, the likeliest first."""
-    least = judgement.settings.verdict.matters
+def _named(
+    judgement: Judgement, sets: JudgedSets, doubtful: Collection[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the effects that are at work, and those that may be."""
+    settings = judgement.settings.verdict
+    chances = at_work(judgement, sets, settings.matters)
+    likely = tuple(name for name, chance in chances.items() if chance > settings.at_work)
+    rest = [name for name in likely if name in doubtful]
+    rest += [n for n, chance in chances.items() if settings.possible <= chance <= settings.at_work]
+    rest += stand_ins(judgement, sets, likely)
+    if judgement.fits and not judgement.tolerant:  # gaits of an exactly made robot
+        hinted = at_work(judgement, sets, settings.hinted)
+        rest += [n for n, chance in hinted.items() if chance > settings.at_work and n not in likely]
+    return tuple(name for name in likely if name not in doubtful), tuple(dict.fromkeys(rest))
+
+
+def at_work(judgement: Judgement, sets: JudgedSets, least: float) -> Mapping[str, float]:
+    """Return the probability over all sets that an effect is at work and matters, the likeliest first.
+
+    Args:
+        judgement: the trials and the sets.
+        sets: the sets.
+        least: how much an effect that matters changes at least.
+    """
     totals: dict[str, float] = {}
     chances = judgement.ranking.probabilities.tolist()
     for candidate, changes, chance in zip(sets.candidates, sets.changes, chances, strict=True):
@@ -106,6 +123,20 @@ def misfit_trials(judgement: Judgement, sets: JudgedSets) -> dict[str, float]:
         for name, one in zip(names, left.tolist(), strict=True)
         if one > limit * typical
     }
+
+
+def predicts(judgement: Judgement, sets: JudgedSets, meter: GapMeter) -> bool:
+    """Whether the first set predicts the marker of held-out gaits better than the nominal robot does.
+
+    Where the covariance is wide, as in a fast gait of a robot that is a little wrong, a worse prediction may
+    be as likely as a better one. No effect is then blamed. Trials that the set does not fit do not count, and
+    without a measured marker nothing is said against it.
+    """
+    odd = misfit_trials(judgement, sets)
+    names = [one.aligned.trial.name for one in judgement.trial_set.trials]
+    kept = [i for i, name in enumerate(names) if name not in odd]
+    gaps = [meter.measure(judgement.first, 0.0, i) for i in kept]
+    return sum(gap.after**2 for gap in gaps) <= sum(gap.before**2 for gap in gaps)
 
 
 def _typical(judgement: Judgement, sets: JudgedSets, candidate: Candidate) -> float:

@@ -32,6 +32,12 @@ class Verdict:
     other_probability: float = 0.0
     p_value: float = 1.0
 
+    def without_causes(self) -> Verdict:
+        """Return the answer where the effects predict held-out gaits no better than the nominal robot."""
+        return (
+            self if self.kind == "no_gap" else replace(self, kind="unexplained", causes=(), ambiguous_with=())
+        )
+
     def beside_chance(self, other_probability: float) -> Verdict:
         """Return the answer where the recorded cycles differ more than any effect explains.
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from toysets import toy_hypothesis
 
-from gaitopt.diagnose.judge.set_verdict import at_work, conclude_sets, misfit_trials, stand_ins
+from gaitopt.diagnose.judge.set_verdict import at_work, conclude_sets, misfit_trials, predicts, stand_ins
 from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.settings import VerdictSettings
 
@@ -21,7 +21,7 @@ def judged(*sets: tuple[float, dict[str, float]], known: tuple[str, ...] = ()) -
     """Sets, each with its probability and what its effects change."""
     intervals = dict.fromkeys(known, (0.0, 1.0))
     judgement = SimpleNamespace(
-        settings=SimpleNamespace(verdict=VerdictSettings(matters=2.0)),
+        settings=SimpleNamespace(verdict=VerdictSettings(matters=2.0, hinted=0.5)),
         ranking=SimpleNamespace(probabilities=np.array([chance for chance, _ in sets])),
     )
     return judgement, JudgedSets(
@@ -43,17 +43,17 @@ def candidate(names: Iterable[str]) -> Any:
 
 def test_an_effect_is_as_probable_as_the_sets_that_have_it() -> None:
     judgement, sets = judged((0.6, {"lag": 40.0, "trim": 9.0}), (0.3, {"lag": 50.0}), (0.1, {"play": 30.0}))
-    assert list(at_work(judgement, sets).items()) == [("lag", 0.6 + 0.3), ("trim", 0.6), ("play", 0.1)]
+    assert list(at_work(judgement, sets, 2.0).items()) == [("lag", 0.6 + 0.3), ("trim", 0.6), ("play", 0.1)]
 
 
 def test_an_effect_that_changes_nearly_nothing_is_no_cause() -> None:
     judgement, sets = judged((0.9, {"lag": 40.0, "gain": 0.3}), (0.1, {"lag": 40.0, "gain": 8.0}))
-    assert dict(at_work(judgement, sets)) == {"lag": 1.0, "gain": 0.1}
+    assert dict(at_work(judgement, sets, 2.0)) == {"lag": 1.0, "gain": 0.1}
 
 
 def test_an_effect_that_other_evidence_shows_is_a_cause_whatever_it_changes() -> None:
     judgement, sets = judged((0.9, {"lag": 40.0, "jitter": 0.3}), (0.1, {"jitter": 0.2}), known=("jitter",))
-    assert dict(at_work(judgement, sets)) == {"lag": 0.9, "jitter": 1.0}
+    assert dict(at_work(judgement, sets, 2.0)) == {"lag": 0.9, "jitter": 1.0}
 
 
 def test_an_unusual_effect_that_does_the_same_as_a_cause_cannot_be_told_from_it() -> None:
@@ -80,7 +80,7 @@ def with_trials(left: list[float], before: list[float], moved: float = 5.0) -> t
     judge: Any = SimpleNamespace(
         heldout_left=lambda one: one.left, settings=SimpleNamespace(misfit=2.5), loss=None
     )
-    judgement.first, judgement.none, judgement.tolerant = first, none, True
+    judgement.first, judgement.none, judgement.tolerant, judgement.fits = first, none, True, ("trim alone",)
     judgement.trial_set = SimpleNamespace(trials=trials)
     return judgement, replace(sets, judge=judge, candidates=(first,), none=-40.0)
 
@@ -90,6 +90,28 @@ def test_a_trial_that_nothing_fits_does_not_hide_what_explains_the_others() -> N
     assert misfit_trials(judgement, sets) == {"2": 26.0}
     found = conclude_sets(judgement, sets, 10)
     assert (found.kind, found.causes) == ("explained", ("trim",))
+
+
+@pytest.mark.parametrize(("moved", "also"), [(1.0, ("play",)), (0.4, ())])
+def test_a_certain_effect_that_does_little_on_an_exact_robot_may_be_at_work(
+    moved: float, also: tuple[str, ...]
+) -> None:
+    judgement, sets = with_trials([0.5, 0.4, 0.3], [4.0, 3.0, 27.0])
+    judgement.tolerant = False
+    both = SimpleNamespace(**vars(candidate(["trim", "play"])), left=np.array([0.5, 0.4, 0.3]))
+    found = conclude_sets(
+        judgement, replace(sets, candidates=(both,), changes=({"trim": 9.0, "play": moved},)), 10
+    )
+    assert (found.causes, found.ambiguous_with) == (("trim",), also)
+
+
+@pytest.mark.parametrize(("after", "better"), [((1.0, 2.0, 30.0), True), ((1.0, 3.0, 1.0), False)])
+def test_a_set_must_predict_the_held_out_trials_that_it_fits(after: tuple[float, ...], better: bool) -> None:
+    """The third trial fits nothing, so it does not count."""
+    judgement, sets = with_trials([0.5, 0.4, 26.0], [4.0, 3.0, 27.0])
+    gaps = [SimpleNamespace(before=2.0, after=one) for one in after]
+    meter: Any = SimpleNamespace(measure=lambda first, floor, trial: gaps[trial])
+    assert predicts(judgement, sets, meter) is better
 
 
 def test_where_most_trials_do_not_fit_nothing_is_explained() -> None:
