@@ -16,6 +16,7 @@ from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.fit.residual import by_signal
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.causes import Causes
+from gaitopt.diagnose.judge.small_errors import tolerant_scenarios
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.effects.active import EffectValues
 from gaitopt.gait.gait import Gait
@@ -24,7 +25,7 @@ from gaitopt.optimise.robots import Expected
 from gaitopt.optimise.verification import evenly
 from gaitopt.robot.signals import MARKER
 from gaitopt.simulation.metrics import SPEED
-from gaitopt.simulation.scenario import NOMINAL, Scenario, draw_scenarios
+from gaitopt.simulation.scenario import NOMINAL, Scenario
 from gaitopt.simulation.setup import RobotSetup
 
 Array = NDArray[np.float64]
@@ -35,12 +36,15 @@ class PredictionSettings:
     """How predictions are made.
 
     Attributes:
-        robots: robots of the posterior that each gait is simulated on.
+        robots: robots of the posterior that each gait is simulated on,
+        tolerant: and their number, where they are a little wrong in everything: the recordings tell what of
+            that is so.
         stretches: parts of a recording that are resampled for the interval of its error.
         draws: number of resamplings.
     """
 
     robots: int = 16
+    tolerant: int = 48
     stretches: int = 8
     draws: int = 200
 
@@ -54,8 +58,8 @@ class Prediction:
         filmed: whether the data set has it.
         speed: forward speed of the robot, m/s; None for problems without travel, and for logs. Its interval
             holds what is not known of the robot, with the start pose and, where these count, the tolerances,
-            and what no effect explains: its width
-            to a side is the root of the sum of two squares, of the robots' and of the left-over. The
+            and what no effect explains: its width to a side is the root of the sum of two squares, of the
+            robots' and of the left-over. Of tolerances, the recordings tell what is so (`Ensemble`). The
             left-over is an error of the travel per cycle, by the evidence of held-out gaits, by Student's t.
             With one gait only, it is that of held-out cycles, which says little about other gaits.
         nominal_m_s: the speed of the nominal robot, m/s; None without `speed`.
@@ -133,30 +137,35 @@ def _speeds(
     if not gaits:
         return []
     problem, fidelity = found.trial_set.problem, found.trial_set.simulator.fidelity
-    begun = zip(_scenarios(found, seed, settings), evenly(robots, settings.robots), strict=False)
-    own = [replace(scenario, effects=robot) for scenario, robot in begun]
-    setup = RobotSetup.of(problem, [NOMINAL, *own], fidelity)
+    begun, ensemble = _scenarios(found, seed, settings), found.ensemble
+    drawn = zip(begun, evenly(robots, len(begun)), strict=False)
+    setup = RobotSetup.of(
+        problem, [NOMINAL, *(replace(one, effects=robot) for one, robot in drawn)], fidelity
+    )
     work = [(setup, gait, index) for gait in gaits.values() for index in range(len(setup.scenarios))]
     done = iter(assess_all(work, executor))
     left_over = leftover_travel(found)
     rows = []
     for name, gait in gaits.items():
         nominal, *others = [next(done) for _ in setup.scenarios]
-        simulated = Expected.of([outcome.metrics[SPEED.name] for outcome in others])
+        values = np.array([outcome.metrics[SPEED.name] for outcome in others])
         failed = sum(outcome.status != "ok" for outcome in others)
-        speed = widened(simulated, left_over / gait.period_s)
+        learnt = None if ensemble is None else ensemble.first(len(values)).learnt(values, seed)
+        speed = widened(learnt or Expected.of(values.tolist()), left_over / gait.period_s)
         rows.append(Prediction(name, gait.key in filmed, speed, nominal.metrics[SPEED.name], failed))
     return rows
 
 
 def _scenarios(found: Causes, seed: int, settings: PredictionSettings) -> Sequence[Scenario]:
     """Return how the robots' walks begin, and their small errors where they have any."""
-    problem = found.trial_set.problem
-    if found.judgement.tolerant:
-        return draw_scenarios(problem, settings.robots, (seed, Stream.TOLERANT_ROBOTS))
-    size = problem.file.tolerances.start_pose_rad
-    numbers = generator(seed, Stream.POSTERIOR_DRAWS).integers(2**31, size=settings.robots).tolist()
-    return [Scenario(start_pose_rad=size, pose_seed=number) for number in numbers]
+    simulator = found.trial_set.simulator
+    if found.ensemble is not None:
+        numbers = found.ensemble.numbers[: settings.tolerant]
+        drawn = tolerant_scenarios(simulator, found.seed, numbers[-1] + 1)
+        return [drawn[number] for number in numbers]
+    size = simulator.problem.file.tolerances.start_pose_rad
+    seeds = generator(seed, Stream.POSTERIOR_DRAWS).integers(2**31, size=settings.robots).tolist()
+    return [Scenario(start_pose_rad=size, pose_seed=number) for number in seeds]
 
 
 def widened(expected: Expected, half: float) -> Expected:

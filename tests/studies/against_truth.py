@@ -65,10 +65,14 @@ def _values(row: dict[str, Any]) -> Values:
 
 
 def _before(found: Causes, executor: Executor, seed: int) -> dict[str, Any]:
-    """Return the same predictions by no effect: by what the nominal robot leaves of the recordings."""
-    nothing = replace(found, judgement=replace(found.judgement, fits=(), sets=None))
-    robots: list[tuple[()]] = [()] * PredictionSettings.robots
-    rows = predictions(nothing, robots, executor, seed)
+    """Return the predictions by no effect and no recording, but for what the nominal robot leaves of them."""
+    judgement, robots = replace(found.judgement, fits=(), sets=None), found.judgement.tolerant_robots
+    if robots is not None:  # robots that change nothing of the recordings tell nothing
+        unlearnt = replace(robots, changes=np.zeros_like(robots.changes))
+        judgement = replace(judgement, tolerant_robots=unlearnt)
+    nothing = replace(found, judgement=judgement)
+    none: list[tuple[()]] = [()] * PredictionSettings.tolerant
+    rows = predictions(nothing, none, executor, seed)
     return {row.gait: row.speed.to_dict() for row in rows if row.speed and not row.filmed}
 
 

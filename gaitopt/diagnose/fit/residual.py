@@ -144,6 +144,16 @@ class WhitenedTrial:
         update: Array = solve_triangular(cholesky(self.measurement + robots, lower=True), factor, lower=True)
         return update
 
+    def in_measurement_errors(self, rows: Array) -> Array:
+        """Return rows whitened by `whitener` as whitened by the measurement's covariance alone.
+
+        Args:
+            rows: rows of this trial, or columns of them, shape (n,) or (n, k).
+        """
+        raw = solve_triangular(self.whitener, rows, lower=True)
+        found: Array = solve_triangular(cholesky(self.measurement, lower=True), raw, lower=True)
+        return found
+
     def with_errors_along(self, columns: Array) -> WhitenedTrial:
         """Return the trial with further errors, which no robot changes, in its covariance.
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.chance import Chance
+from gaitopt.diagnose.judge.ensemble import Ensemble
 from gaitopt.diagnose.judge.gap import Gap, GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.precision import Interval, Precision, at_clock
@@ -212,6 +213,11 @@ class Causes:
     def _of_library(self) -> float:
         """What probabilities are multiplied with: an effect of a set may be at work beside something else."""
         return 1.0 if self.judgement.sets is not None else 1.0 - self.other_probability
+
+    @cached_property
+    def ensemble(self) -> Ensemble | None:
+        """Robots that are a little wrong in everything; None where the robot is taken to be made exactly."""
+        return Ensemble.of(self.judgement)
 
     @cached_property
     def meter(self) -> GapMeter:

@@ -11,7 +11,6 @@ from dataclasses import replace
 from gaitopt.core.streams import Stream
 from gaitopt.diagnose.fit.set_fit import Point
 from gaitopt.diagnose.fit.single import robot_request
-from gaitopt.diagnose.fit.trials import Comparison
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.perturbed import Draw, PerturbedRobots, compared_about
@@ -36,7 +35,9 @@ def with_tolerances(judgement: Judgement, context: Context, point: Point = ()) -
         return tolerant_robots(centre, context.seed, count)
 
     robots = _drawn_about(judgement, point, "a little wrong", draw, context)
-    return _rewhitened(judgement, robots, robots.comparisons)
+    if not robots.comparisons:
+        return judgement
+    return replace(_rewhitened(judgement, robots), tolerant_robots=robots)
 
 
 def with_small_errors(judgement: Judgement, context: Context, point: Point = ()) -> Judgement:
@@ -62,11 +63,9 @@ def _drawn_about(
     return compared_about(judgement.trial_set.initial, effects, label, draw, context)
 
 
-def _rewhitened(
-    judgement: Judgement, robots: PerturbedRobots, tolerant: tuple[Comparison, ...] = ()
-) -> Judgement:
+def _rewhitened(judgement: Judgement, robots: PerturbedRobots) -> Judgement:
     """Return a judgement by the covariance of some robots; the same one where none could be simulated."""
     if not robots.comparisons:
         return judgement
     covariance = judgement.trial_set.initial.with_covariance_of(robots.changes)
-    return replace(judgement.rewhitened(covariance), tolerant_robots=tolerant)
+    return judgement.rewhitened(covariance)

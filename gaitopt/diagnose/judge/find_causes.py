@@ -201,7 +201,7 @@ def _concluded_sets(
     uneven, chance, limit = 0.0, None, context.settings.verdict.uneven  # logged commands have no cycles
     if not gap.has_logs:
         # A clock that is a little too fast makes cycles differ, too, if they are taken from it.
-        usual = judgement.tolerant_robots or robots.comparisons
+        usual = (judgement.tolerant_robots or robots).comparisons
         uneven = unevenness(judgement.trial_set, gap.floors, usual, context.settings.verdict)
         if uneven > limit and judgement.tolerant:
             point = [*zip(first.hypotheses, first.at, strict=True)]

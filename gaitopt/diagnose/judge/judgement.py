@@ -21,7 +21,7 @@ from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.judge import evidence
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.context import Context
-from gaitopt.diagnose.judge.perturbed import Perturb, perturbed_about
+from gaitopt.diagnose.judge.perturbed import Perturb, PerturbedRobots, perturbed_about
 from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.settings import DEFAULT, DiagnosisSettings
 
@@ -48,8 +48,8 @@ class Judgement:
         nominal: the trials compared with the nominal robot.
         fits: the effects' fits; none where nothing was fitted.
         sets: sets of effects of any size; None where these were not tried.
-        tolerant_robots: the robots with all small errors of the tolerances that gave the covariance; none
-            where the robot is taken to be made exactly.
+        tolerant_robots: the robots with all small errors of the tolerances that gave the covariance, by the
+            first covariance; None where the robot is taken to be made exactly.
         settings: tuning constants.
     """
 
@@ -57,13 +57,13 @@ class Judgement:
     nominal: Comparison
     fits: tuple[Fit, ...] = ()
     sets: JudgedSets | None = None
-    tolerant_robots: tuple[Comparison, ...] = ()
+    tolerant_robots: PerturbedRobots | None = None
     settings: DiagnosisSettings = DEFAULT
 
     @property
     def tolerant(self) -> bool:
         """Whether the covariance is that of robots that are a little wrong in everything."""
-        return bool(self.tolerant_robots)
+        return self.tolerant_robots is not None
 
     @property
     def n_rows(self) -> int:

@@ -24,10 +24,12 @@ class PerturbedRobots:
     Attributes:
         comparisons: the trials compared with each.
         changes: change of the whitened residual with each, shape (robots, rows).
+        numbers: the number of each among those drawn, from 0.
     """
 
     comparisons: tuple[Comparison, ...]
     changes: NDArray[np.float64]
+    numbers: tuple[int, ...]
 
 
 Perturb = Callable[[TrialSet, Candidate, Context], PerturbedRobots]
@@ -68,7 +70,8 @@ def compared_about(
     robots = [simulator, *draw(simulator)]
     named = {f"{label} {index}: {effects!r}": robot for index, robot in enumerate(robots)}
     centre, *others = context.runner.compare_robots(trial_set, named)
-    known = tuple(other for other in others if other is not None and centre is not None)
-    changes = [other.whitened - centre.whitened for other in known if centre is not None]
+    pairs = [(i, other) for i, other in enumerate(others) if other is not None and centre is not None]
+    changes = [other.whitened - centre.whitened for _, other in pairs if centre is not None]
     rows = len(trial_set.row_blocks)
-    return PerturbedRobots(known, np.array(changes).reshape(len(changes), rows))
+    known = tuple(other for _, other in pairs)
+    return PerturbedRobots(known, np.array(changes).reshape(len(changes), rows), tuple(i for i, _ in pairs))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 from dataclasses import replace
 
 import mujoco
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.judge.settings import SMALL_ERRORS, SmallErrorSettings
+from gaitopt.effects.active import ActiveEffect
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
@@ -59,15 +61,11 @@ def tolerant_robots(simulator: Simulator, seed: int, count: int) -> list[Simulat
         seed: seed of the draws.
         count: number of robots; every fourth one has half the timestep, every third the other friction cone.
     """
-    problem, rng = simulator.problem, generator(seed, Stream.TOLERANT_ROBOTS)
-    tolerances, halved = problem.file.tolerances, simulator.fidelity.scaled(0.5)
+    problem, halved = simulator.problem, simulator.fidelity.scaled(0.5)
     robots = []
-    for index in range(count):
-        errors = draw_errors(simulator.effects.nominal, tolerances, rng)
-        pose_seed = int(rng.integers(2**31))
-        scenario = Scenario(errors, start_pose_rad=tolerances.start_pose_rad, pose_seed=pose_seed)
+    for index, (scenario, measurement) in enumerate(_tolerances_drawn(simulator, seed, count)):
         robot = Simulator.build(problem, (scenario,), simulator.fidelity)
-        measured = (*robot.effects.active, *draw_measurement(tolerances, rng))
+        measured = (*robot.effects.active, *measurement)
         model = copy.copy(robot.models[0])
         misplace_tags(model, problem, generator(seed, Stream.TAG_MOUNTING, Stream.TOLERANT_ROBOTS, index))
         if index % 3 == 1:
@@ -75,6 +73,23 @@ def tolerant_robots(simulator: Simulator, seed: int, count: int) -> list[Simulat
         robot = replace(robot, effects=replace(robot.effects, active=measured), models=(model,))
         robots.append(robot.at(halved) if index % 4 == 1 else robot)
     return robots
+
+
+def tolerant_scenarios(simulator: Simulator, seed: int, count: int) -> list[Scenario]:
+    """Return the scenarios of `tolerant_robots`: their errors and start poses, no cameras and numerics."""
+    return [scenario for scenario, _ in _tolerances_drawn(simulator, seed, count)]
+
+
+def _tolerances_drawn(
+    simulator: Simulator, seed: int, count: int
+) -> Iterator[tuple[Scenario, tuple[ActiveEffect, ...]]]:
+    """Yield the errors of robots and of their cameras, by the problem's tolerances."""
+    tolerances, rng = simulator.problem.file.tolerances, generator(seed, Stream.TOLERANT_ROBOTS)
+    for _ in range(count):
+        errors = draw_errors(simulator.effects.nominal, tolerances, rng)
+        pose_seed = int(rng.integers(2**31))
+        measurement = draw_measurement(tolerances, rng)
+        yield Scenario(errors, tolerances.start_pose_rad, pose_seed), measurement
 
 
 def with_small_errors(
