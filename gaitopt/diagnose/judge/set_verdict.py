@@ -39,13 +39,16 @@ def conclude_sets(
         kind = "no_gap" if remains <= settings.left else "unexplained"
         return Verdict(kind, other_probability=other)
     first = judgement.first
+    chance_alone = min(1.0, n_hypotheses * math.exp(min(0.0, sets.none - float(sets.scores[0]))))
     causes, rest = _named(judgement, sets, doubtful)
+    hints = tuple(name for name in _hinted(judgement, sets) if name not in causes + rest)
+    if causes or rest or chance_alone <= settings.certain:
+        rest += hints
     clear = bool(causes) and not rest
     if not causes:
         causes, rest = rest[:1], rest[1:]
     remains = _typical(judgement, sets, first)
     other = other_probability(remains / settings.other_half, settings)
-    chance_alone = min(1.0, n_hypotheses * math.exp(min(0.0, sets.none - float(sets.scores[0]))))
     before = _typical(judgement, sets, judgement.none)
     if not causes:  # each effect does less than shows
         # What a floor of the sensor alone does not hide under logged commands may be significant and tiny.
@@ -73,10 +76,15 @@ def _named(
     rest = [name for name in likely if name in doubtful]
     rest += [n for n, chance in chances.items() if settings.possible <= chance <= settings.at_work]
     rest += stand_ins(judgement, sets, likely)
-    if judgement.fits and not judgement.tolerant:  # gaits of an exactly made robot
-        hinted = at_work(judgement, sets, settings.hinted)
-        rest += [n for n, chance in hinted.items() if chance > settings.at_work and n not in likely]
     return tuple(name for name in likely if name not in doubtful), tuple(dict.fromkeys(rest))
+
+
+def _hinted(judgement: Judgement, sets: JudgedSets) -> list[str]:
+    """Return the effects of gaits that are as probable as causes, and change less, but not nothing."""
+    settings = judgement.settings.verdict
+    share = settings.hinted if judgement.tolerant else settings.hinted**2  # of floors, or of squares
+    chances = at_work(judgement, sets, share * settings.matters) if judgement.fits else {}
+    return [name for name, chance in chances.items() if chance > settings.at_work]
 
 
 def at_work(judgement: Judgement, sets: JudgedSets, least: float) -> Mapping[str, float]:
