@@ -39,6 +39,8 @@ class Stream(IntEnum):
     GRIP_VARIATION = 43  # with the place of a pad among the pads
     POSTERIOR_ORDER = 45
     POSTERIOR_DRAWS = 46
+    ENSEMBLE_NOISE = 47
+    ENSEMBLE_POSES = 48
     TIED_FIRST_BATCH = 50  # with the place of a template among the templates
     FREED_SEARCH = 51
     CAMPAIGN_ROBOTS = 60

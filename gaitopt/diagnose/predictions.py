@@ -37,8 +37,7 @@ class PredictionSettings:
 
     Attributes:
         robots: robots of the posterior that each gait is simulated on,
-        tolerant: and their number, where they are a little wrong in everything: the recordings tell what of
-            that is so.
+        tolerant: their number where they are a little wrong in everything.
         stretches: parts of a recording that are resampled for the interval of its error.
         draws: number of resamplings.
     """
@@ -59,9 +58,10 @@ class Prediction:
         speed: forward speed of the robot, m/s; None for problems without travel, and for logs. Its interval
             holds what is not known of the robot, with the start pose and, where these count, the tolerances,
             and what no effect explains: its width to a side is the root of the sum of two squares, of the
-            robots' and of the left-over. Of tolerances, the recordings tell what is so (`Ensemble`). The
-            left-over is an error of the travel per cycle, by the evidence of held-out gaits, by Student's t.
-            With one gait only, it is that of held-out cycles, which says little about other gaits.
+            robots' and of the left-over. Where tolerances count, the recordings narrow the interval
+            (`Ensemble`). The left-over is an error of the travel per cycle, by the evidence of held-out
+            gaits, by Student's t. With one gait only, it is that of held-out cycles, which says little about
+            other gaits.
         nominal_m_s: the speed of the nominal robot, m/s; None without `speed`.
         failed: robots whose simulation failed; they are left out.
         rms: RMS error of each signal, m or rad, to be expected where the same is recorded again. It is what
@@ -162,7 +162,9 @@ def _scenarios(found: Causes, seed: int, settings: PredictionSettings) -> Sequen
     if found.ensemble is not None:
         numbers = found.ensemble.numbers[: settings.tolerant]
         drawn = tolerant_scenarios(simulator, found.seed, numbers[-1] + 1)
-        return [drawn[number] for number in numbers]
+        poses = generator(seed, Stream.ENSEMBLE_POSES).integers(2**31, size=len(numbers)).tolist()
+        pairs = zip(numbers, poses, strict=True)  # a robot begins each walk anew
+        return [replace(drawn[number], pose_seed=pose) for number, pose in pairs]
     size = simulator.problem.file.tolerances.start_pose_rad
     seeds = generator(seed, Stream.POSTERIOR_DRAWS).integers(2**31, size=settings.robots).tolist()
     return [Scenario(start_pose_rad=size, pose_seed=number) for number in seeds]

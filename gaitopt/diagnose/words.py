@@ -48,6 +48,7 @@ def answer(diagnosis: Diagnosis) -> str:
     if diagnosis.found is not None and diagnosis.found.candidates:
         within = diagnosis.verdict == "partly_explained" and gap.gap.after <= gap.gap.floor
         kind = "uneven" if within and diagnosis.found.unevenness_left > UNEVEN else diagnosis.verdict
+        kind = _doubt(diagnosis.found) if kind == "ambiguous" else kind
         return f"{_VERDICTS[kind].format(*_who(diagnosis))} The gap: {_before_after(gap)}."
     text = f"There is a gap: {figures}{_angles_too(diagnosis)}."
     for first in diagnosis.where[:1]:  # nothing where every part of the gap is within the floor
@@ -102,18 +103,37 @@ _VERDICTS = {
     "explained": "The gap is explained by {0}.",
     "uneven": "{0} {2} the gap, but the recorded cycles differ more than simulated ones.",
     "ambiguous": "These trials cannot tell which effect causes the gap: {0}, or {1}.",
+    "uncertain": "The gap is explained by {0}. It is not certain that {1} {3} at work.",
+    "together": "The gap is explained by {0}, but not certainly: each effect changes little.",
     "partly_explained": "{0} {2} only a part of the gap; there is another cause.",
     "unexplained": "No effect of the library explains the gap of held-out trials. The best of them is {0}.",
 }
 
 
-def _who(diagnosis: Diagnosis) -> tuple[str, str, str]:
-    """Return the cause with its parameter, what the trials cannot separate from it, and the verb for it."""
+def _who(diagnosis: Diagnosis) -> tuple[str, str, str, str]:
+    """Return the cause with its parameter, what else is named, and the verbs for the cause and for that."""
     found = diagnosis.found
     if found is None or found.best is None:
-        return "", "", ""
+        return "", "", "", ""
     verb = "explains" if len(found.best.hypotheses) == 1 else "explain"
-    return with_values(found.best), " or ".join(found.ambiguous_with), verb
+    others = _others(found)
+    if others:
+        return with_values(found.best), " or ".join(others), verb, "is"
+    are = "is" if len(found.ambiguous_with) == 1 else "are"
+    return with_values(found.best), " and ".join(found.ambiguous_with), verb, are
+
+
+def _others(found: Causes) -> list[str]:
+    """Return the effects that may be at work in place of those of the first explanation."""
+    own = {h.effect.name for h in found.best.hypotheses} if found.best else set()
+    return [name for name in found.ambiguous_with if name not in own]
+
+
+def _doubt(found: Causes) -> str:
+    """Return what an ambiguous answer leaves open: other effects, some of those named, or all of them."""
+    if _others(found):
+        return "ambiguous"
+    return "uncertain" if found.ambiguous_with else "together"
 
 
 def how_far(diagnosis: Diagnosis) -> str:
@@ -124,7 +144,10 @@ def how_far(diagnosis: Diagnosis) -> str:
     shown = replace(shown_gap(diagnosis), gap=diagnosis.gap_with(candidate))
     text = f"Corrected by {with_values(candidate)}: {_before_after(shown)}."
     if diagnosis.verdict == "ambiguous":
-        return f"{text} Other effects explain the trials as well."
+        doubt = diagnosis.found is None or _doubt(diagnosis.found) == "ambiguous"
+        return (
+            f"{text} {'Other effects explain' if doubt else 'Fewer of these may explain'} the trials as well."
+        )
     return text if diagnosis.verdict == "explained" else f"{text} This is not all that is wrong."
 
 

@@ -182,6 +182,11 @@ class TrialSet:
         """Return the sum of a value of each block over each trial, shape (trials,)."""
         return self.rows.by_trial(of_blocks)
 
+    def mean_squares(self, whitened: Array) -> Array:
+        """Return the mean whitened square of each trial, shape (trials,)."""
+        means: Array = self.by_trial(self.losses(whitened)) / self.by_trial(self.rows_per_block)
+        return means
+
     def compare(self, at: Sequence[float], trajectories: Sequence[Trajectory]) -> Comparison | None:
         """Return the trials compared with predictions, whitened by the first covariance; None where one
         failed.

@@ -30,12 +30,13 @@ _MODEL = 10.0
 
 @dataclass(frozen=True)
 class Ensemble:
-    """Robots with small errors about the first explanation.
+    """Robots with small errors about an explanation.
 
     Attributes:
         changes: what each robot changes of the residual of the recordings, in standard errors of the
             measurement and the model, shape (robots, rows).
-        left: what the first explanation leaves, in the same unit, shape (rows,).
+        left: what the explanations leave in the mean, each as it is probable, in the same unit, shape
+            (rows,).
         numbers: the number of each robot among those drawn, from 0.
     """
 
@@ -47,21 +48,16 @@ class Ensemble:
     def of(judgement: Judgement) -> Ensemble | None:
         """Return the robots whose small errors gave the covariance; None of a robot that is made exactly.
 
-        A trial of which the first explanation leaves more than it should, such as a misfit, counts less.
+        A trial of which the explanations leave more than they should, such as a misfit, counts less.
         """
         robots = judgement.tolerant_robots
         if robots is None:
             return None
-        trial_set, first = (
-            judgement.trial_set,
-            judgement.first if judgement.ranking.candidates else judgement.none,
-        )
+        trial_set, explanations = judgement.trial_set, [*judgement.ranking.candidates, judgement.none]
+        left = judgement.chances @ np.stack([one.whitened for one in explanations])
+        scales = np.sqrt(_MODEL * np.maximum(trial_set.mean_squares(left), 1.0))
         initial = trial_set.initial
-        left = trial_set.by_trial(trial_set.losses(first.whitened)) / trial_set.by_trial(
-            trial_set.rows_per_block
-        )
-        scales = np.sqrt(_MODEL * np.maximum(left, 1.0))
-        rows = np.column_stack([initial.rewhiten_rows(first.whitened, trial_set), robots.changes.T])
+        rows = np.column_stack([initial.rewhiten_rows(left, trial_set), robots.changes.T])
         parts = zip(trial_set.trials, initial.split(rows), scales, strict=True)
         found = np.concatenate([one.in_measurement_errors(part) / scale for one, part, scale in parts])
         return Ensemble(found[:, 1:].T, found[:, 0], robots.numbers)
@@ -81,10 +77,10 @@ class Ensemble:
             The mean, and the interval by Student's t; None with fewer than `FEWEST` figures.
         """
         known = np.isfinite(values)
+        noise = generator(seed, Stream.ENSEMBLE_NOISE).standard_normal(self.changes.shape)[known]
         changes, values = self.changes[known], values[known]
         if len(values) < FEWEST:
             return None
-        noise = generator(seed, Stream.POSTERIOR_DRAWS, len(values)).standard_normal(changes.shape)
         apart, predicted = _each_by_the_others(changes, values, noise)
         trust = float(np.clip(apart @ predicted / max(float(predicted @ predicted), 1e-300), 0.0, 1.0))
         shift = trust * _regressed(changes, values, -(self.left + changes.mean(axis=0)))

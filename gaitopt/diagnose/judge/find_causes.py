@@ -196,7 +196,8 @@ def _concluded_sets(
     robots = perturbed_about(judgement.trial_set, first, context)
     doubtful = judged.doubtful(robots.changes) if any_effect else ()
     verdict = conclude_sets(judgement, judged, len(hypotheses), doubtful)
-    if any_effect and not gap.has_logs and not predicts(judgement, judged, _meter(judgement, context)):
+    meter = _meter(judgement, context)
+    if any_effect and not gap.has_logs and not predicts(judgement, judged, meter, gap.floors):
         verdict = verdict.without_causes()
     uneven, chance, limit = 0.0, None, context.settings.verdict.uneven  # logged commands have no cycles
     if not gap.has_logs:
@@ -209,13 +210,12 @@ def _concluded_sets(
     left = uneven if chance is None else chance.unevenness
     if left > limit:
         verdict = verdict.beside_chance(other_probability(left / limit, context.settings.verdict))
-    gaps = _gaps(judgement, gap, context) if any_effect else (None, None)
+    gaps = _gaps(judgement, gap, meter) if any_effect else (None, None)
     return Causes(judgement, verdict, gaps[0], robots.changes, uneven, context.seed, gaps[1], chance)
 
 
-def _gaps(judgement: Judgement, gap: NominalGap, context: Context) -> tuple[Gap, Gap | None]:
+def _gaps(judgement: Judgement, gap: NominalGap, meter: GapMeter) -> tuple[Gap, Gap | None]:
     """Return the gap with the first candidate, and that of the angles; None where none was measured."""
-    meter = _meter(judgement, context)
     angles = None if gap.floor_rad is None else meter.measure_angles(judgement.first, gap.floor_rad)
     return meter.measure(judgement.first, gap.floor_m), angles
 
@@ -240,5 +240,5 @@ def _concluded(
     robots = perturbed_about(judgement.trial_set, judgement.first, context)
     uneven = unevenness(trial_set, gap.floors, robots.comparisons, context.settings.verdict)
     verdict = conclude(judgement, robots, uneven, faint, context.seed)
-    measured, angles = _gaps(judgement, gap, context)
+    measured, angles = _gaps(judgement, gap, _meter(judgement, context))
     return Causes(judgement, verdict, measured, robots.changes, uneven, context.seed, angles)

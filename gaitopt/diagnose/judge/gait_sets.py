@@ -317,8 +317,7 @@ def _moves(judge: SetJudge, fit: SetFit, apart: Apart) -> dict[str, float]:
 
 def squares_apart(trial_set: TrialSet, one: Comparison, other: Comparison) -> float:
     """Return the mean whitened square of the difference of two robots, in the trial where it is most."""
-    squares = trial_set.by_trial(trial_set.losses(one.whitened - other.whitened))
-    return float((squares / trial_set.by_trial(trial_set.rows_per_block)).max())
+    return float(trial_set.mean_squares(one.whitened - other.whitened).max())
 
 
 def floors_apart(trial_set: TrialSet, one: Comparison, other: Comparison, floors: Sequence[Floors]) -> float:

@@ -99,6 +99,16 @@ class Judgement:
         ordered = tuple(self.singles[i] for i in order)
         return Ranking(ordered, evidence.probabilities(weights[order]))
 
+    @property
+    def chances(self) -> NDArray[np.float64]:
+        """The probability of each candidate, and that of no effect after them, shape (candidates + 1,)."""
+        candidates = self.ranking.candidates
+        if not candidates:
+            return np.ones(1)
+        if self.sets is not None:
+            return evidence.probabilities(np.append(self.sets.scores, self.sets.none))
+        return evidence.probabilities(self.scores([*candidates, self.none]))
+
     def scores(self, candidates: Sequence[Candidate]) -> NDArray[np.float64]:
         """Return the logarithm of the posterior weight of some candidates, up to a constant."""
         return evidence.scores(self.trial_set, candidates, self.settings.evidence, self.settings.response)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from gaitopt.core.statistics import NORMAL_95
 from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
-from gaitopt.diagnose.judge import evidence
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.effects.active import EffectValue, EffectValues
@@ -85,7 +84,7 @@ def draw_robots(found: Causes, seed: int, count: int = ROBOTS) -> tuple[EffectVa
         seed: seed of the draws.
         count: how many robots.
     """
-    chances = chances_of(found)
+    chances = found.judgement.chances
     places = (np.arange(count) + 0.5) / count
     chosen = np.minimum(np.searchsorted(np.cumsum(chances), places), len(chances) - 1)
     robots: list[EffectValues] = []
@@ -97,16 +96,6 @@ def draw_robots(found: Causes, seed: int, count: int = ROBOTS) -> tuple[EffectVa
         normals = generator(seed, Stream.POSTERIOR_DRAWS, int(index)).standard_normal((own, len(spread.at)))
         robots += [spread.robot(normal) for normal in normals]
     return tuple(robots)
-
-
-def chances_of(found: Causes) -> Array:
-    """Return the probability of each candidate, and that of no effect after them, shape (candidates + 1,)."""
-    judgement = found.judgement
-    if not found.candidates:
-        return np.ones(1)
-    if judgement.sets is not None:
-        return evidence.probabilities(np.append(judgement.sets.scores, judgement.sets.none))
-    return evidence.probabilities(judgement.scores([*found.candidates, judgement.none]))
 
 
 def spread_of(found: Causes, candidate: Candidate) -> Spread:

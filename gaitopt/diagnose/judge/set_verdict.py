@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.diagnose.gap.floor import Floors, marker_floor
 from gaitopt.diagnose.judge import evidence
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.gap import GapMeter
@@ -80,7 +81,10 @@ def _named(
 
 
 def _hinted(judgement: Judgement, sets: JudgedSets) -> list[str]:
-    """Return the effects of gaits that are as probable as causes, and change less, but not nothing."""
+    """Return the effects of gaits that are as probable as causes, and change at least half as much.
+
+    Single effects were fitted only to gaits.
+    """
     settings = judgement.settings.verdict
     share = settings.hinted if judgement.tolerant else settings.hinted**2  # of floors, or of squares
     chances = at_work(judgement, sets, share * settings.matters) if judgement.fits else {}
@@ -133,18 +137,19 @@ def misfit_trials(judgement: Judgement, sets: JudgedSets) -> dict[str, float]:
     }
 
 
-def predicts(judgement: Judgement, sets: JudgedSets, meter: GapMeter) -> bool:
-    """Whether the first set predicts the marker of held-out gaits better than the nominal robot does.
+def predicts(judgement: Judgement, sets: JudgedSets, meter: GapMeter, floors: Sequence[Floors]) -> bool:
+    """Whether the first set predicts the marker of held-out gaits no worse than the nominal robot does.
 
     Where the covariance is wide, as in a fast gait of a robot that is a little wrong, a worse prediction may
     be as likely as a better one. No effect is then blamed. Trials that the set does not fit do not count, and
-    without a measured marker nothing is said against it.
+    a gap within the floor of its trial counts as the floor. Without a marker nothing is said against the set.
     """
     odd = misfit_trials(judgement, sets)
     names = [one.aligned.trial.name for one in judgement.trial_set.trials]
-    kept = [i for i, name in enumerate(names) if name not in odd]
-    gaps = [meter.measure(judgement.first, 0.0, i) for i in kept]
-    return sum(gap.after**2 for gap in gaps) <= sum(gap.before**2 for gap in gaps)
+    least = [marker_floor(own) for own in floors]
+    gaps = [meter.measure(judgement.first, least[i], i) for i, name in enumerate(names) if name not in odd]
+    after = sum(max(gap.after, gap.floor) ** 2 for gap in gaps)
+    return after <= sum(max(gap.before, gap.floor) ** 2 for gap in gaps)
 
 
 def _typical(judgement: Judgement, sets: JudgedSets, candidate: Candidate) -> float:

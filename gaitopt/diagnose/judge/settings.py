@@ -152,10 +152,10 @@ class VerdictSettings:
         matters: an effect of sets is no cause where it changes less than this, as a mean whitened square in
             the trial that it changes most: it makes a small error smaller. In gaits of a robot that is a
             little wrong in everything, the change is counted in floors.
-        hinted: an effect that is as probable as a cause may be one if it changes gaits by at least this share
-            of what matters: it is more than a small error, and less than what a wrong model may leave.
-        certain: where chance alone gains as much this seldom, the gap is real, even if each effect changes
-            less than matters: a covariance that is a little too narrow does not explain it.
+        hinted: an effect that is as probable as a cause may be one if it moves gaits at least this many times
+            as far as `matters` says; squares count by the square of this.
+        certain: p-value below which a gap is real even if each effect changes less than `matters`: a
+            covariance that is a little too narrow does not explain it.
         at_work: an effect of sets is a cause if it is at least this probable,
         possible: and may be one if it is at least this probable.
     """

@@ -21,7 +21,7 @@ class Verdict:
     Attributes:
         kind: ``no_gap``, ``explained``, ``ambiguous``, ``partly_explained`` or ``unexplained``.
         causes: the effects blamed.
-        ambiguous_with: effects that the data cannot tell from these.
+        ambiguous_with: effects that the data cannot tell from these, or that may be at work beside them.
         other_probability: probability that the cause is not in the library, or not the only one.
         p_value: how often chance alone gains as much as the first candidate.
     """
@@ -33,10 +33,11 @@ class Verdict:
     p_value: float = 1.0
 
     def without_causes(self) -> Verdict:
-        """Return the answer where the effects predict held-out gaits no better than the nominal robot."""
-        return (
-            self if self.kind == "no_gap" else replace(self, kind="unexplained", causes=(), ambiguous_with=())
-        )
+        """Return the answer where the effects predict held-out gaits worse than the nominal robot does."""
+        if self.kind == "no_gap":
+            return self
+        other = max(self.other_probability, 0.5)
+        return replace(self, kind="unexplained", causes=(), ambiguous_with=(), other_probability=other)
 
     def beside_chance(self, other_probability: float) -> Verdict:
         """Return the answer where the recorded cycles differ more than any effect explains.

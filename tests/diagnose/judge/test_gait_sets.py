@@ -13,7 +13,8 @@ from gaitopt.core.streams import seeded
 from gaitopt.diagnose.fit.robust import WideLoss
 from gaitopt.diagnose.gap.floor import Floor
 from gaitopt.diagnose.judge.gait_sets import floors_apart, squares_apart
-from gaitopt.diagnose.judge.small_errors import tolerant_robots
+from gaitopt.diagnose.judge.perturbed import compared_about
+from gaitopt.diagnose.judge.small_errors import tolerant_robots, tolerant_scenarios
 from gaitopt.simulation.rollout import Simulator
 
 
@@ -49,6 +50,25 @@ def test_robots_are_wrong_in_everything_and_the_same_for_the_same_seed(strider: 
     assert all("camera_scale" in [one.effect.name for one in robot.effects.active] for robot in robots)
     steps = [robot.fidelity.timestep_s for robot in robots]
     assert steps[1] == pytest.approx(0.5 * steps[0])
+
+
+def test_the_scenarios_of_such_robots_are_those_that_they_walk_in(strider: Problem) -> None:
+    simulator = Simulator.build(strider)
+    loaded = Simulator.build(strider.with_effects({"servo_gain": {"scale": 0.8}}))
+    robots = tolerant_robots(loaded, 3, 5)
+    assert tolerant_scenarios(simulator, 3, 5) == [robot.scenarios[0] for robot in robots]
+
+
+def test_robots_that_fail_are_left_out_by_their_number(strider: Problem) -> None:
+    simulator = Simulator.build(strider)
+    found = [toy_comparison([], np.full(4, size)) for size in (1.0, 2.0, 4.0)]
+    runner: Any = SimpleNamespace(compare_robots=lambda trial_set, robots: [found[0], None, *found[1:]])
+    trial_set: Any = SimpleNamespace(problem=strider, simulator=simulator, row_blocks=np.zeros(4))
+    robots = compared_about(
+        trial_set, {}, "drawn", lambda centre: [centre] * 3, SimpleNamespace(runner=runner)
+    )  # type: ignore[arg-type]
+    assert robots.numbers == (1, 2)
+    assert robots.changes[:, 0] == pytest.approx([1.0, 3.0])
 
 
 def test_how_far_robots_are_apart_is_counted_in_floors_of_the_worst_trial() -> None:

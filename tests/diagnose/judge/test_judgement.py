@@ -50,7 +50,7 @@ def test_a_candidate_that_imitates_small_errors_does_not_win() -> None:
 
     def perturb(trial_set: TrialSet, candidate: Candidate, context: Context) -> PerturbedRobots:
         drawn.append(candidate.label)
-        return PerturbedRobots((), np.outer(rng.standard_normal(8), unknown))
+        return PerturbedRobots((), np.outer(rng.standard_normal(8), unknown), tuple(range(8)))
 
     judgement = Judgement(trials, nominal, fits, settings=UNFINISHED)
     assert named(judgement) == {"twin"}

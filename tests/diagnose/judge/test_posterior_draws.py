@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from toyfits import toy_comparison, toy_trials
 from toysets import toy_hypothesis
 
 from gaitopt.diagnose.judge import posterior
+from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.posterior import Spread, correlation_of, draw_robots
+from gaitopt.diagnose.judge.sets import JudgedSets
 
 ONE, OTHER = toy_hypothesis("one"), toy_hypothesis("other")
 
@@ -57,8 +60,9 @@ def test_a_covariance_gives_the_spread_in_the_parameters_own_units() -> None:
 
 def causes(scores: list[float], none: float) -> Any:
     candidates = tuple(SimpleNamespace(at=(0.1 * i,)) for i in range(len(scores)))
-    sets = SimpleNamespace(scores=np.array(scores), none=none)
-    return SimpleNamespace(candidates=candidates, judgement=SimpleNamespace(sets=sets))
+    sets = JudgedSets(None, candidates, np.array(scores), none, (), np.zeros(0))  # type: ignore[arg-type]
+    judgement = Judgement(toy_trials(4, 2), toy_comparison([], np.zeros(4)), sets=sets)
+    return SimpleNamespace(candidates=candidates, judgement=judgement)
 
 
 @pytest.fixture

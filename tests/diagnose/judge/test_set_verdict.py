@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from toysets import toy_hypothesis
 
+from gaitopt.diagnose.gap.floor import Floor
 from gaitopt.diagnose.judge.set_verdict import at_work, conclude_sets, misfit_trials, predicts, stand_ins
 from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.settings import VerdictSettings
+from gaitopt.diagnose.judge.verdict import Verdict
 
 UNUSUAL = {"emf": 6.0}
 """Price of each unusual effect."""
@@ -106,15 +108,27 @@ def test_a_certain_effect_that_does_little_may_be_at_work(
         judgement, replace(sets, candidates=(both,), changes=({"trim": 9.0, "play": moved},)), 10
     )
     assert (found.causes, found.ambiguous_with) == (("trim",), also)
+    assert found.kind == ("ambiguous" if also else "explained")
+
+
+def test_effects_that_predict_worse_are_blamed_no_more_and_something_else_is_likely() -> None:
+    blamed = Verdict("explained", ("trim",), ("play",), 0.04)
+    assert blamed.without_causes() == Verdict("unexplained", (), (), 0.5)
+    assert Verdict("no_gap").without_causes() == Verdict("no_gap")
 
 
 @pytest.mark.parametrize(("after", "better"), [((1.0, 2.0, 30.0), True), ((1.0, 3.0, 1.0), False)])
 def test_a_set_must_predict_the_held_out_trials_that_it_fits(after: tuple[float, ...], better: bool) -> None:
     """The third trial fits nothing, so it does not count."""
     judgement, sets = with_trials([0.5, 0.4, 26.0], [4.0, 3.0, 27.0])
-    gaps = [SimpleNamespace(before=2.0, after=one) for one in after]
-    meter: Any = SimpleNamespace(measure=lambda first, floor, trial: gaps[trial])
-    assert predicts(judgement, sets, meter) is better
+
+    def measure(first: object, floor: float, trial: int) -> Any:
+        return SimpleNamespace(before=2.0, after=after[trial], floor=floor)
+
+    meter, none = SimpleNamespace(measure=measure), dict[str, Floor]()
+    within = {"marker.x": Floor(5.0, None, 0.0, 0.0)}
+    assert predicts(judgement, sets, meter, [none] * 3) is better  # type: ignore[arg-type]
+    assert predicts(judgement, sets, meter, [within] * 3)  # type: ignore[arg-type]
 
 
 def test_where_most_trials_do_not_fit_nothing_is_explained() -> None:
