@@ -164,6 +164,8 @@ def _explained_by_gait_sets(
 ) -> Causes:
     """Return the answer from few effects on an exactly made robot, or from any on one that is a little wrong.
 
+    The cycles of an exactly made robot are even: where they are not, only the second way is open.
+
     Args:
         first: the trials, or their beginnings, with fits of single effects.
         wide: the whole trials.
@@ -172,7 +174,11 @@ def _explained_by_gait_sets(
         context: simulates robots.
     """
     search = GaitSets(first, wide, gap.floors, hypotheses, context)
-    return _concluded_sets(*(search.exactly() or search.with_tolerances()), gap, hypotheses, context)
+    exact = search.exactly()
+    found = None if exact is None else _concluded_sets(*exact, gap, hypotheses, context)
+    if found is not None and found.unevenness <= context.settings.verdict.uneven:
+        return found
+    return _concluded_sets(*search.with_tolerances(), gap, hypotheses, context)
 
 
 def _concluded_sets(
