@@ -215,6 +215,8 @@ def _what_differs(found: Causes) -> str:
         f"{chance.effect} with {chance.parameter} = {chance.value:.2g} ({low:.2g} to {high:.2g}) makes them "
         "differ as much in the mean"
     )
+    if not chance.plausible:
+        return f"{text}, but so large a size is implausible."
     left = chance.unevenness
     return f"{text}." if left <= UNEVEN else f"{text}, but in some signal still {left:.0f} times too little."
 

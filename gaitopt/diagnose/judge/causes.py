@@ -136,7 +136,7 @@ class Causes:
     @property
     def unevenness_left(self) -> float:
         """By how much the recorded cycles differ, in differences of simulated cycles with `chance`."""
-        return self.unevenness if self.chance is None else self.chance.unevenness
+        return self.unevenness if self.chance is None else self.chance.left_of(self.unevenness)
 
     @property
     def trial_set(self) -> TrialSet:

@@ -43,6 +43,7 @@ class Chance:
         ci90: its 90 % interval.
         unevenness: by how much the recorded cycles differ then, in differences of the simulated cycles; the
             largest of all signals.
+        plausible: whether the prior allows such a size; otherwise cycles differ for another reason, too.
     """
 
     effect: str
@@ -50,6 +51,11 @@ class Chance:
     value: float
     ci90: Interval
     unevenness: float
+    plausible: bool = True
+
+    def left_of(self, unevenness: float) -> float:
+        """Return how uneven cycles still are beside it; an implausible size explains nothing."""
+        return self.unevenness if self.plausible else unevenness
 
     def to_dict(self) -> dict[str, Any]:
         """Return ``chance`` of a diagnosis."""
@@ -57,6 +63,7 @@ class Chance:
             "name": self.effect,
             "parameters": {self.parameter: {"value": self.value, "ci90": list(self.ci90)}},
             "unevenness": self.unevenness,
+            "plausible": self.plausible,
         }
 
 
@@ -112,7 +119,7 @@ def fit_size(
 
     The logarithms of the ratios are taken to be Gaussian about 0, and linear in the logarithm of the size
     between the sizes that were simulated. Nothing is returned where that size is the least or the largest
-    one, or is implausible: cycles that differ very much differ for another reason.
+    one.
 
     Args:
         hypothesis: the effect.
@@ -126,10 +133,11 @@ def fit_size(
     squares = np.sum(along**2, axis=1)
     best, degrees = int(np.argmin(squares)), max(1, along.shape[1] - 1)
     effect, size = hypothesis.effect, float(grid[best])
-    if best in (0, len(grid) - 1) or effect.log_prior(size, hypothesis.nominal) < settings.least_log_prior:
+    if best in (0, len(grid) - 1):
         return []
+    plausible = effect.log_prior(size, hypothesis.nominal) >= settings.least_log_prior
     variance = max(float(squares[best]) / degrees, settings.least_scatter**2)
     inside = grid[squares <= squares[best] + settings.interval * variance]
     ends = (float(inside[0]), float(inside[-1]))
     left = float(np.exp(0.5 * along[best].max()))
-    return [(float(squares[best]), Chance(effect.name, effect.parameter, size, ends, left))]
+    return [(float(squares[best]), Chance(effect.name, effect.parameter, size, ends, left, plausible))]

@@ -213,7 +213,7 @@ def _concluded_sets(
         if uneven > limit and judgement.tolerant:
             point = [*zip(first.hypotheses, first.at, strict=True)]
             chance = fitted_chance(judgement.trial_set, gap.floors, usual, point, hypotheses, context)
-    left = uneven if chance is None else chance.unevenness
+    left = uneven if chance is None else chance.left_of(uneven)
     if left > limit:
         verdict = verdict.beside_chance(other_probability(left / limit, context.settings.verdict))
     gaps = _gaps(judgement, gap, meter) if any_effect else (None, None)

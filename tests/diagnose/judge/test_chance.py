@@ -59,10 +59,13 @@ def test_nothing_is_said_beyond_what_was_simulated(true: float) -> None:
     assert fit_size(GRIP, values, ratios(true, values), SETTINGS) == []
 
 
-@pytest.mark.parametrize(("true", "found"), [(0.4, 1), (0.5, 0)])
-def test_cycles_that_differ_very_much_are_no_chance(true: float, found: int) -> None:
+@pytest.mark.parametrize(("true", "plausible"), [(0.4, True), (0.5, False)])
+def test_a_size_that_is_implausible_is_said(true: float, plausible: bool) -> None:
     values = np.array([0.02, 0.1, 0.6])
-    assert len(fit_size(GRIP, values, ratios(true, values), SETTINGS)) == found
+    ((_, chance),) = fit_size(GRIP, values, ratios(true, values), SETTINGS)
+    assert chance.plausible is plausible
+    assert chance.to_dict()["plausible"] is plausible
+    assert chance.left_of(9.0) == (chance.unevenness if plausible else 9.0)
 
 
 @pytest.mark.slow
