@@ -222,8 +222,7 @@ class Causes:
     @cached_property
     def meter(self) -> GapMeter:
         """What measures the held-out gap of a candidate."""
-        draws = self.judgement.settings.evidence.gap_draws
-        return GapMeter(self.trial_set, self.nominal, self.seed, draws)
+        return self.judgement.meter(self.seed)
 
     def _effect(
         self, candidate: Candidate, index: int, probability: float, targets: Mapping[str, float]

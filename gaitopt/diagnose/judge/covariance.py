@@ -35,9 +35,8 @@ def with_tolerances(judgement: Judgement, context: Context, point: Point = ()) -
         return tolerant_robots(centre, context.seed, count)
 
     robots = _drawn_about(judgement, point, "a little wrong", draw, context)
-    if not robots.comparisons:
-        return judgement
-    return replace(_rewhitened(judgement, robots), tolerant_robots=robots)
+    found = _rewhitened(judgement, robots)
+    return replace(found, tolerant_robots=robots) if robots.comparisons else found
 
 
 def with_small_errors(judgement: Judgement, context: Context, point: Point = ()) -> Judgement:

@@ -202,7 +202,7 @@ def _concluded_sets(
     robots = perturbed_about(judgement.trial_set, first, context)
     doubtful = judged.doubtful(robots.changes) if any_effect else ()
     verdict = conclude_sets(judgement, judged, len(hypotheses), doubtful)
-    meter = _meter(judgement, context)
+    meter = judgement.meter(context.seed)
     if any_effect and not gap.has_logs and not predicts(judgement, judged, meter, gap.floors):
         verdict = verdict.without_causes()
     uneven, chance, limit = 0.0, None, context.settings.verdict.uneven  # logged commands have no cycles
@@ -226,11 +226,6 @@ def _gaps(judgement: Judgement, gap: NominalGap, meter: GapMeter) -> tuple[Gap, 
     return meter.measure(judgement.first, gap.floor_m), angles
 
 
-def _meter(judgement: Judgement, context: Context) -> GapMeter:
-    draws = context.settings.evidence.gap_draws
-    return GapMeter(judgement.trial_set, judgement.nominal, context.seed, draws)
-
-
 def _concluded(
     judgement: Judgement, gap: NominalGap, trial_set: TrialSet, faint: bool, context: Context
 ) -> Causes:
@@ -246,5 +241,5 @@ def _concluded(
     robots = perturbed_about(judgement.trial_set, judgement.first, context)
     uneven = unevenness(trial_set, gap.floors, robots.comparisons, context.settings.verdict)
     verdict = conclude(judgement, robots, uneven, faint, context.seed)
-    measured, angles = _gaps(judgement, gap, _meter(judgement, context))
+    measured, angles = _gaps(judgement, gap, judgement.meter(context.seed))
     return Causes(judgement, verdict, measured, robots.changes, uneven, context.seed, angles)

@@ -21,6 +21,7 @@ from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.judge import evidence
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.context import Context
+from gaitopt.diagnose.judge.gap import GapMeter
 from gaitopt.diagnose.judge.perturbed import Perturb, PerturbedRobots, perturbed_about
 from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.settings import DEFAULT, DiagnosisSettings
@@ -108,6 +109,10 @@ class Judgement:
         if self.sets is not None:
             return evidence.probabilities(np.append(self.sets.scores, self.sets.none))
         return evidence.probabilities(self.scores([*candidates, self.none]))
+
+    def meter(self, seed: int) -> GapMeter:
+        """Return what measures the held-out gap of a candidate; the seed is that of resampled blocks."""
+        return GapMeter(self.trial_set, self.nominal, seed, self.settings.evidence.gap_draws)
 
     def scores(self, candidates: Sequence[Candidate]) -> NDArray[np.float64]:
         """Return the logarithm of the posterior weight of some candidates, up to a constant."""
