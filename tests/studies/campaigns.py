@@ -14,6 +14,7 @@ Cost: about 40 min of one core for a case of ArcFold with five films.
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -25,6 +26,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from filmed_walkers import tracked
 from kept import read_kept, version, write_kept
 from sealed_walkers import Walker
 
@@ -34,6 +36,7 @@ from gaitopt.campaign.records import Proposal
 from gaitopt.campaign.rivals import Tried, bayesian_optimisation, trial_and_error
 from gaitopt.campaign.robots import prior_robots
 from gaitopt.campaign.speeds import filmed_speed
+from gaitopt.core.errors import GaitoptError
 from gaitopt.core.json import to_json
 from gaitopt.effects.active import as_tables
 from gaitopt.gait.gait import Gait
@@ -135,10 +138,15 @@ def case(
         if outside or (0.0 < share < SLOW if hard else share >= SLOW):
             break
     folder = options.out / "campaigns" / f"{index:02d}"
-    campaign = Campaign.new(problem, folder, budget=options.budget, seed=options.seed, executor=pool)
-    recommended = []
+    if not folder.exists():  # the first step knows nothing of the robot: it is that of all cases
+        begun = folder.with_suffix(".begun")
+        shutil.rmtree(begun, ignore_errors=True)
+        shutil.copytree(options.out / "nominal", begun).rename(folder)
+    campaign = Campaign(folder, executor=pool)
+    films = folder.with_name(f"{index:02d}-films") if options.filmed else None
+    recommended, refused = [], 0
     for count in range(1, options.films + 1):
-        campaign.run(robot, count)
+        refused += told(campaign, robot, count, films)
         recommended.append(campaign.best_gait)
 
     def filmed(gait: Gait) -> float:
@@ -168,8 +176,33 @@ def case(
         "limits_kept": {name: met for name, (_, met) in true.items()},
         "inside": [inside(one, campaign) for one in campaign._folder.proposals],
         "films": campaign._folder.tellings,
+        "refused": refused,
         "done": campaign.status().done,
     }
+
+
+def told(campaign: Campaign, robot: SealedRobot, count: int, films: Path | None) -> int:
+    """Let a campaign have so many films in all, unless it is done; return how many were refused at first.
+
+    Args:
+        campaign: the campaign.
+        robot: its robot.
+        count: films in all.
+        films: where synthetic films are kept; None for what the robot's own camera measures.
+    """
+    if films is None:
+        campaign.run(robot, count)
+        return 0
+    refused = 0
+    while campaign._folder.tellings < count and not campaign.next().done:
+        dataset = tracked(campaign, robot, films)
+        try:
+            campaign.tell(dataset)
+        except GaitoptError as error:
+            refused += 1
+            print(error)
+            campaign.tell(dataset, trust=True)
+    return refused
 
 
 def nominal_speed(problem: Problem, gait: Gait) -> float:
@@ -262,6 +295,7 @@ def main() -> None:
     parser.add_argument("--films", type=int, default=5)
     parser.add_argument("--budget", type=int, default=160)
     parser.add_argument("--truth", type=int, default=200, help="gaits of the search on the true robot")
+    parser.add_argument("--filmed", action="store_true", help="through films of a synthetic phone")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()

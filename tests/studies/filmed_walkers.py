@@ -1,0 +1,55 @@
+"""A sealed robot before a synthetic phone: a gait in, a data set of a tracked film out."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from films import stand
+from numpy.typing import NDArray
+from sealed_walkers import Walker
+
+from gaitopt.gait.gait import Gait
+from gaitopt.jobs.campaign import Campaign
+from gaitopt.jobs.track import track
+from gaitopt.report.film.phone import Phone, shot
+from gaitopt.report.film.stage import stage_of
+
+PHONE = Phone(exposures=3)
+DISTANCE_M = 0.5
+CYCLES, LONGEST_S = 8.0, 4.0
+LEAST_CYCLES = 2.2
+"""A film has so many cycles, but no more seconds than so many: the robot walks out of the picture."""
+
+BEGIN_S = 0.02
+"""The first picture is so long after the gait's beginning, which the film does not say."""
+
+
+def film(robot: Walker, gait: Gait, path: Path) -> None:
+    """Film a walk of a robot; each film begins from another start pose."""
+    robot.films += 1
+    seconds = max(LEAST_CYCLES * gait.period_s, min(LONGEST_S, CYCLES * gait.period_s))
+    simulator = robot.robot(replace(robot.scenario, pose_seed=robot.films))
+    walked = simulator.run(gait, duration=seconds + 0.2, poses=True)
+    assert walked.poses is not None
+    motion = _held(walked.time, walked.poses)
+    stage = stage_of(robot.problem.with_effects(robot.effects))
+    shot(path, stage, motion, stand(DISTANCE_M), PHONE, seconds, begin=BEGIN_S, seed=robot.films)
+
+
+def tracked(campaign: Campaign, robot: Walker, folder: Path) -> Path:
+    """Film the next gait of a campaign as a user would, and return the data set of the film."""
+    proposed = campaign.next()
+    path, out = folder / f"film-{proposed.film}.mp4", folder / f"film-{proposed.film}"
+    shutil.rmtree(out, ignore_errors=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    film(robot, campaign.next_gait, path)
+    track([path], campaign.problem, str(campaign.path / proposed.gait), out)
+    return out
+
+
+def _held(time: NDArray[np.float64], poses: NDArray[np.float64]) -> Callable[[float], NDArray[np.float64]]:
+    return lambda at: poses[np.clip(np.searchsorted(time, at), 0, len(time) - 1)]
