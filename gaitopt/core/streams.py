@@ -22,6 +22,7 @@ class Stream(IntEnum):
     CMA_ES = 1
     NELDER_MEAD = 2
     QUASI_RANDOM = 3
+    NEAR_PLAN = 4
     FRONT = 16  # and the numbers after it, one for each search of the front, up to 19
     FLOOR_START_POSES = 20
     SMALL_ERRORS = 21

@@ -13,19 +13,23 @@ from gaitopt.optimise.solvers.solver import Solver
 
 @dataclass(frozen=True)
 class FirstBatch:
-    """Quasi-random gaits before the first stage of a search without a plan.
+    """Quasi-random gaits before the first stage: all over the space, or near the gaits of a plan.
 
     Attributes:
-        share: share of the budget.
+        share: share of the budget without a plan.
+        near_plan: share of the budget with one.
         most: gaits at most.
+        slower: periods near a plan are up to so many times as long as planned.
     """
 
     share: float = 0.1
+    near_plan: float = 0.2
     most: int = 40
+    slower: float = 4.0
 
-    def count(self, budget: int) -> int:
+    def count(self, budget: int, planned: bool = False) -> int:
         """Return how many gaits of a budget belong to it, at least 1."""
-        return min(max(1, round(self.share * budget)), self.most)
+        return min(max(1, round((self.near_plan if planned else self.share) * budget)), self.most)
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ class Method:
     Attributes:
         name: what ``--method`` calls it.
         stages: the solvers in order.
-        first: the batch before them; None for none.
+        first: the batch before them, after the gaits of a plan; None for none.
     """
 
     name: str
@@ -78,7 +82,7 @@ DEFAULT_METHOD = Method(
     ),
     FirstBatch(),
 )
-"""CMA-ES from a quasi-random batch or a plan, then a polish by Nelder–Mead."""
+"""CMA-ES from a quasi-random batch or a plan and a batch near it, then a polish by Nelder–Mead."""
 
 
 FREED_SHARE = 0.25

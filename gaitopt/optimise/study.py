@@ -17,7 +17,7 @@ from gaitopt.optimise import pareto
 from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.journal import WORKING, Entry, Journal, at_rung, ranked
 from gaitopt.optimise.ladder import LadderSettings, Rung, descend
-from gaitopt.optimise.quasi_random import quasi_random
+from gaitopt.optimise.quasi_random import near_plan, quasi_random
 from gaitopt.optimise.recorder import Recorder
 from gaitopt.optimise.solvers.cma_es import CmaEs
 from gaitopt.optimise.solvers.solution import Box, Evaluate
@@ -120,7 +120,7 @@ class Study:
         Args:
             method: the stages of the search.
             starts: gaits whose cost is already known, such as the baselines.
-            planned: gaits of a plan, evaluated first; without them the first batch of the method is.
+            planned: gaits of a plan, evaluated first; the first batch of the method is near them.
             front: spend `FrontSettings.share` of the budget on speed against cost of transport, after the
                 rest.
             laddered: stages may descend to cheaper rungs of the fidelity ladder, where they allow it. They do
@@ -159,12 +159,21 @@ class Study:
         if planned:
             points = np.array([self._space.encode(gait) for gait in planned])[: self._left]
             known += self._known("plan", points)
+            known += self._near_plan(method.first, planned)
         elif method.first is not None:
             count = method.first.count(self._until)
             known += self._known("quasi-random", quasi_random(self._space, count, self.seed))
         if not known:
             return np.full(len(self._space.variables), 0.5)
         return min(known, key=lambda one: one.cost).point
+
+    def _near_plan(self, first: FirstBatch | None, planned: Sequence[Gait]) -> list[_Known]:
+        count = 0 if first is None else min(first.count(self._until, planned=True), self._left)
+        if first is None or not count:
+            return []
+        spread = self._settings.planned_spread
+        points = near_plan(self._space, planned, count, self.seed, spread, first.slower)
+        return self._known("near-plan", points)
 
     def _tied_start(
         self, method: Method, starts: Sequence[Start], planned: Sequence[Gait]
