@@ -61,19 +61,20 @@ class Belief:
     size_m_s: float
 
     @staticmethod
-    def of(speeds: Array, points: Array, filmed: Filmed, settings: BeliefSettings) -> Belief:
+    def of(speeds: Array, points: Array, filmed: Filmed, assumed: float, settings: BeliefSettings) -> Belief:
         """Return what is believed after some films.
 
         Args:
             speeds: predicted speed of each gait on each robot, m/s, shape (robots, gaits).
             points: points of the gaits, in a space of true distances, shape (gaits, d).
             filmed: the measured speeds.
+            assumed: standard deviation of the discrepancy before any film, m/s.
             settings: see `BeliefSettings`.
         """
         length = settings.length * math.sqrt(points.shape[1])
         left = filmed.speeds - speeds[:, filmed.gaits]
         at = points[filmed.gaits]
-        variance = _variance(speeds, left.mean(axis=0), at, length, settings)
+        variance = _variance(assumed, left.mean(axis=0), at, length, settings)
         process = Conditioned.of(points, at, filmed.noise, variance, length)
         weights = _weights(left, process.measured)
         return Belief(speeds + left @ process.gain.T, weights, process.covariance, math.sqrt(variance))
@@ -107,17 +108,27 @@ class Belief:
         low, high = (float(values[order][np.searchsorted(below, share)]) for share in (0.05, 0.95))
         return Expected(float(self.mean[gait]), (low, high))
 
-    def film_is_worth(self, gait: int, noise_m_s: float, among: Sequence[int]) -> float:
-        """Return by how much a film of a gait is expected to raise the expected speed of the best, m/s.
+    def worth(self, chances: Array) -> Array:
+        """Return the expected speed of each gait where one that breaks its limits counts nothing, m/s.
+
+        Args:
+            chances: how probable it is that each gait keeps its limits, shape (gaits,).
+        """
+        return _worth(self.mean, chances)
+
+    def film_is_worth(self, gait: int, noise_m_s: float, among: Sequence[int], chances: Array) -> float:
+        """Return by how much a film of a gait is expected to raise the worth of the best, m/s.
 
         It is the knowledge gradient of Frazier, Powell and Dayanik, "The Knowledge-Gradient Policy for
-        Correlated Normal Beliefs", INFORMS Journal on Computing 21 (2009), by quadrature. Only the measured
-        speed counts, not what the motion within the cycle tells: the true value is rather higher.
+        Correlated Normal Beliefs", INFORMS Journal on Computing 21 (2009), by quadrature. The film also
+        shows whether the gait keeps its limits. What the motion within the cycle tells does not count: the
+        true value is rather higher.
 
         Args:
             gait: index of the gait that is filmed.
             noise_m_s: standard deviation of a measurement, m/s.
             among: indices of the gaits among which the best is chosen afterwards.
+            chances: how probable it is that each gait keeps its limits, shape (gaits,).
         """
         chosen, covariance = list(among), self.covariance
         variance = float(covariance[gait, gait]) + noise_m_s**2
@@ -125,15 +136,24 @@ class Belief:
             return 0.0
         mean, slope = self.mean[chosen], covariance[chosen, gait] / math.sqrt(variance)
         outcomes = stats.norm.ppf((np.arange(_OUTCOMES) + 0.5) / _OUTCOMES)
-        after = (mean[None, :] + outcomes[:, None] * slope[None, :]).max(axis=1)
-        return max(0.0, float(after.mean() - mean.max()))
+        speeds = mean[None, :] + outcomes[:, None] * slope[None, :]
 
-    def still_to_gain(self, best: int, among: Sequence[int], seed: int, draws: int) -> Expected:
-        """Return how much faster than one gait the truly fastest of some gaits may be, m/s.
+        def best(kept: float) -> float:
+            shown = np.where(np.array(chosen) == gait, kept, chances[chosen])
+            return float(_worth(speeds, shown).max(axis=1).mean())
+
+        after = chances[gait] * best(1.0) + (1.0 - chances[gait]) * best(0.0)
+        return max(0.0, float(after - _worth(mean, chances[chosen]).max()))
+
+    def still_to_gain(
+        self, best: int, among: Sequence[int], chances: Array, seed: int, draws: int
+    ) -> Expected:
+        """Return how much faster than one gait the truly fastest one that keeps its limits may be, m/s.
 
         Args:
             best: index of the gait.
             among: indices of the gaits.
+            chances: how probable it is that each gait keeps its limits, shape (gaits,).
             seed: seed of the draws.
             draws: how many.
         """
@@ -144,17 +164,30 @@ class Belief:
         values, vectors = np.linalg.eigh(block)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         drawn = self.robots[robots][:, chosen] + rng.standard_normal((draws, len(chosen))) @ root.T
-        return Expected.of((drawn.max(axis=1) - drawn[:, chosen.index(best)]).tolist())
+        own = drawn[:, chosen.index(best)]
+        kept = rng.random(drawn.shape) < chances[chosen]
+        gains = np.where(kept, drawn - own[:, None], 0.0).max(axis=1)
+        return Expected.of(np.maximum(gains, 0.0).tolist())
 
 
-def _variance(speeds: Array, left: Array, at: Array, length: float, settings: BeliefSettings) -> float:
+def assumed_m_s(speeds: Array, settings: BeliefSettings) -> float:
+    """Return the standard deviation of the discrepancy of speeds, shape (robots, gaits), before any film."""
+    return settings.size * max(float(np.max(np.abs(speeds.mean(axis=0)), initial=0.0)), 1e-6)
+
+
+def _worth(speeds: Array, chances: Array) -> Array:
+    """Return what gaits are worth that keep their limits with some probability: broken ones count nothing."""
+    worth: Array = np.where(speeds > 0.0, chances * speeds, speeds)
+    return worth
+
+
+def _variance(assumed: float, left: Array, at: Array, length: float, settings: BeliefSettings) -> float:
     """Return the variance of the discrepancy: what films show, with an assumption that counts as some."""
-    assumed = (settings.size * max(float(np.max(np.abs(speeds.mean(axis=0)), initial=0.0)), 1e-6)) ** 2
     if not len(left):
-        return assumed
+        return assumed**2
     correlation = matern(at, at, length) + 1e-6 * np.eye(len(at))
     shown = float(left @ np.linalg.solve(correlation, left))
-    return (settings.evidence * assumed + shown) / (settings.evidence + len(left))
+    return (settings.evidence * assumed**2 + shown) / (settings.evidence + len(left))
 
 
 def _weights(left: Array, covariance: Array) -> Array:

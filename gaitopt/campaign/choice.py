@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaitopt.campaign.belief import Belief, Filmed
+from gaitopt.campaign.belief import Belief, Filmed, assumed_m_s
+from gaitopt.campaign.course import Drifts, chances
 from gaitopt.campaign.records import LEARN, WALK, Candidate, FilmRow, Speed, Step
 from gaitopt.campaign.robots import Walked
 from gaitopt.campaign.settings import CampaignSettings
@@ -28,6 +29,8 @@ class Known:
         walked: the candidates on the posterior's robots.
         rows: what each film says.
         measured: the speeds of the films; None before any.
+        drifts: sideways over forward travel of the films, by their number; those where it was measured.
+        most_drift: largest drift allowed; infinite where there is no limit on it.
         causes, answer, notes: what the diagnosis says.
         seed: seed of the draws.
     """
@@ -38,6 +41,8 @@ class Known:
     walked: Walked
     rows: Sequence[FilmRow]
     measured: Measured | None
+    drifts: Mapping[int, float]
+    most_drift: float
     causes: Sequence[str]
     answer: str
     notes: Sequence[str]
@@ -47,9 +52,10 @@ class Known:
 def choose(known: Known, recordings: int, settings: CampaignSettings) -> Step:
     """Return the next film, the best gait, and what is still to gain.
 
-    Before any film, the next one is the gait of the highest expected speed. Afterwards it is the one whose
-    film is worth most, in mm/s of the best gait's expected speed. A campaign is done when no film is worth
-    more than the repeatability, and the best gait itself was filmed.
+    The best gait is the one of highest worth: its expected speed times the probability that it keeps the
+    limits that a film shows. Before any film, it is the next one. Afterwards the next one is that whose film
+    is worth most, in mm/s of that worth. Only gaits are filmed that break no limit that guards the robot. A
+    campaign is done when no film is worth more than the repeatability, and the best gait itself was filmed.
 
     Args:
         known: what it depends on.
@@ -60,11 +66,16 @@ def choose(known: Known, recordings: int, settings: CampaignSettings) -> Step:
     numbers = [known.films.get(gait.key) for gait in gaits]
     points = embedded(np.array([known.space.encode(gait) for gait in gaits]), known.space.circular)
     filmed, noise = _filmed(numbers, measured)
-    belief = Belief.of(known.walked.speeds, points, filmed, settings.belief)
-    breaks = known.walked.breaks.mean(axis=0)
+    assumed = assumed_m_s(known.walked.speeds, settings.belief)
+    belief = Belief.of(known.walked.speeds, points, filmed, assumed, settings.belief)
+    keeps = chances(
+        known.walked, belief.weights, points, _drifts(known, numbers), known.most_drift, settings.belief
+    )
+    breaks = known.walked.harms.mean(axis=0)
     safe = _safe(breaks, settings.most_breaking)
-    worth = [belief.film_is_worth(index, noise, safe) for index in range(len(gaits))]
-    best = max(safe, key=lambda index: (belief.mean[index], -index))
+    worth = [belief.film_is_worth(index, noise, safe, keeps) for index in range(len(gaits))]
+    values = belief.worth(keeps)
+    best = max(safe, key=lambda index: (values[index], -index))
     most = max(safe, key=lambda index: (worth[index], -index))
     unseen = measured is None or numbers[best] not in measured.means
     done = not unseen and worth[most] <= noise
@@ -77,12 +88,13 @@ def choose(known: Known, recordings: int, settings: CampaignSettings) -> Step:
             film=numbers[index],
             breaks=float(breaks[index]),
             safe=index in safe,
+            keeps_limits=float(keeps[index]),
             predicted_m_s=Speed.of(belief.expected(index, noise)),
             film_is_worth_m_s=worth[index],
         )
         for index, (name, gait) in enumerate(known.gaits.items())
     ]
-    gain = belief.still_to_gain(best, safe, known.seed, settings.belief.draws)
+    gain = belief.still_to_gain(best, safe, keeps, known.seed, settings.belief.draws)
     return Step(
         recordings=recordings,
         films=tuple(known.rows),
@@ -115,6 +127,20 @@ def _filmed(numbers: Sequence[int | None], measured: Measured | None) -> tuple[F
             np.array([noise**2 / measured.counts[number] for number in own]),
         ),
         noise,
+    )
+
+
+def _drifts(known: Known, numbers: Sequence[int | None]) -> Drifts:
+    """Return the measured drifts of the candidates."""
+    counts = known.measured.counts if known.measured else {}
+    filmed = [
+        (index, known.drifts[number], counts[number])
+        for index, number in enumerate(numbers)
+        if number is not None and number in counts and number in known.drifts
+    ]
+    columns = list(zip(*filmed, strict=True)) or [(), (), ()]
+    return Drifts(
+        np.array(columns[0], dtype=int), np.array(columns[1], dtype=float), np.array(columns[2], dtype=int)
     )
 
 

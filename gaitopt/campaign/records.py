@@ -49,8 +49,9 @@ class Candidate(Record):
         name: where it comes from.
         period_s, channels: the gait.
         film: number of its film, if it was proposed before.
-        breaks: share of the robots on which it breaks a limit.
+        breaks: share of the robots on which it breaks a limit that guards the robot.
         safe: whether it may be filmed.
+        keeps_limits: probability that it keeps the limits that its film shows.
         predicted_m_s: the expected speed of a film of it, m/s.
         film_is_worth_m_s: by how much a film of it is expected to raise the best speed, m/s.
     """
@@ -61,6 +62,7 @@ class Candidate(Record):
     film: int | None = None
     breaks: float
     safe: bool
+    keeps_limits: float = 1.0
     predicted_m_s: Speed
     film_is_worth_m_s: Figure
 
@@ -76,12 +78,14 @@ class FilmRow(Record):
     Attributes:
         film: its number.
         measured_speed_m_s: mean over its recordings that count, m/s; None where none does.
+        drift: sideways over forward travel, left positive; None where it was not measured.
         recordings: how many there are.
         misfits: how many of them fit no explanation of the others; see `speeds.confirmed`.
     """
 
     film: int
     measured_speed_m_s: float | None
+    drift: float | None = None
     recordings: int
     misfits: int
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -18,7 +18,7 @@ from gaitopt.optimise.verification import evenly, scenarios_on_every_robot
 from gaitopt.problem.model import nominal_parts
 from gaitopt.problem.objective import Quantile
 from gaitopt.problem.problem import Problem
-from gaitopt.simulation.metrics import SPEED
+from gaitopt.simulation.metrics import HARMLESS, SIDEWAYS, SIDEWAYS_RATIO, SPEED
 from gaitopt.simulation.scenario import Scenario
 from gaitopt.simulation.setup import RobotSetup
 
@@ -71,11 +71,15 @@ class Walked:
     Attributes:
         speeds: forward speed of each gait on each robot, m/s, shape (robots, gaits); 0 where a simulation
             failed.
-        breaks: whether it breaks a limit there, or failed, shape (robots, gaits).
+        sideways: sideways speed, left positive, likewise.
+        harms: whether it breaks a limit that guards the robot there, or failed, shape (robots, gaits).
+        strays: whether it breaks another limit than that on sideways motion, likewise; see `harmless`.
     """
 
     speeds: NDArray[np.float64]
-    breaks: NDArray[np.bool_]
+    sideways: NDArray[np.float64]
+    harms: NDArray[np.bool_]
+    strays: NDArray[np.bool_]
 
 
 def own_scenarios(
@@ -122,9 +126,29 @@ def walked(
         executor: where the rollouts run.
     """
     rows = evaluator_on(problem, scenarios, executor).outcomes(gaits)
-    speeds = np.array([[one.metrics[SPEED.name] for one in row] for row in rows]).T
-    broken = [[not judge(problem, [one]).constraints_met for one in row] for row in rows]
-    return Walked(np.where(np.isfinite(speeds), speeds, 0.0), np.array(broken).T)
+    limits = problem.objective.constraints
+    guards = _limited_by(problem, [name for name in limits if not harmless(name)])
+    others = _limited_by(problem, [name for name in limits if harmless(name) and name != SIDEWAYS_RATIO])
+
+    def of(metric: str) -> NDArray[np.float64]:
+        values = np.array([[one.metrics[metric] for one in row] for row in rows]).T
+        return np.where(np.isfinite(values), values, 0.0)
+
+    def broken(limited: Problem) -> NDArray[np.bool_]:
+        return np.array([[not judge(limited, [one]).constraints_met for one in row] for row in rows]).T
+
+    return Walked(of(SPEED.name), of(SIDEWAYS), broken(guards), broken(others))
+
+
+def harmless(limit: str) -> bool:
+    """Return whether a gait that breaks the limit on a metric harms nothing, so that it may be filmed."""
+    return limit in HARMLESS
+
+
+def _limited_by(problem: Problem, names: Sequence[str]) -> Problem:
+    """Return a problem with some of its limits alone."""
+    limits = {name: problem.objective.constraints[name] for name in names}
+    return _with_objective(problem, {"constraints": limits})
 
 
 def judged_by_shares(problem: Problem, breaking: float, slower: float | None) -> Problem:
@@ -132,10 +156,19 @@ def judged_by_shares(problem: Problem, breaking: float, slower: float | None) ->
 
     Args:
         problem: the problem.
-        breaking: share of the robots that may break each limit.
+        breaking: share of the robots that may break each limit that guards the robot. Others are judged as
+            the file says: whether a gait keeps them is seen in its film.
         slower: share of them that may be slower than a gait's speed says; None for as its file says.
     """
-    shares = {"limits_over_scenarios": breaking, "over_scenarios": slower}
-    rules = {key: Quantile(quantile=share) for key, share in shares.items() if share is not None}
-    objective = problem.objective.model_copy(update=rules)
+    rule = {"over_scenarios": Quantile(quantile=breaking)}
+    limits = {
+        name: limit if harmless(name) else limit.model_copy(update=rule)
+        for name, limit in problem.objective.constraints.items()
+    }
+    judged = {} if slower is None else {"over_scenarios": Quantile(quantile=slower)}
+    return _with_objective(problem, {"constraints": limits, **judged})
+
+
+def _with_objective(problem: Problem, update: Mapping[str, object]) -> Problem:
+    objective = problem.objective.model_copy(update=update)
     return replace(problem, file=problem.file.model_copy(update={"objective": objective}))

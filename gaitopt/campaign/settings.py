@@ -48,6 +48,10 @@ class BeliefSettings:
             speed. Assumed: a floor and a battery are never twice the same.
         confirmed: the speed of a recording that fits no explanation counts where another recording of the
             same gait differs by no more than this share of the faster one.
+        drift: standard deviation of what a predicted drift, sideways over forward travel, is off. Simulated:
+            14 ArcFolds that are a little wrong in everything drift by their mean plus or minus 0.04 to 0.12.
+        drift_repeatability: standard deviation of the drift of a gait that is filmed again. Simulated:
+            0.01 to 0.07 over the start poses of ArcFold.
         draws: joint draws of all speeds, for what there is still to gain.
     """
 
@@ -56,6 +60,8 @@ class BeliefSettings:
     evidence: float = 2.0
     repeatability: float = 0.01
     confirmed: float = 0.15
+    drift: float = 0.075
+    drift_repeatability: float = 0.03
     draws: int = 2000
 
 
@@ -68,7 +74,8 @@ class CampaignSettings:
 
     Attributes:
         robots: robots of the posterior over which each candidate is predicted.
-        most_breaking: a gait is filmed only if it breaks a limit on at most this share of them.
+        most_breaking: a gait is filmed only if it breaks a limit that guards the robot on at most this share
+            of them.
         prior_effects: effects that a robot has beside the nominal ones before any film. Assumed: one or two
             large ones, as in trials of real robots.
         diagnosed_s: length of all films together that is diagnosed, s: a diagnosis simulates six hundred

@@ -1,4 +1,4 @@
-"""The speed that a film shows, and how far the speed of a gait that is filmed again would be off."""
+"""The speeds that a film shows, and how far the speed of a gait that is filmed again would be off."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ from gaitopt.robot.signals import MARKER
 
 _SKIPPED_FROM = 3
 """The first cycle is left out where at least so many are there: the robot starts from rest in it."""
+
+_STILL_M_S = 1e-6
+"""A robot that is slower stands still, and drifts as far as one that is so fast."""
 
 
 @dataclass(frozen=True)
@@ -37,24 +40,48 @@ class FilmedSpeed:
 def filmed_speed(trial: Trial, roles: Roles) -> FilmedSpeed:
     """Return the forward speed of a recording of a gait.
 
+    Raises:
+        GaitoptError: forward motion was not measured, or for less than two cycles.
+    """
+    return _speed(trial, *_along(_checked(trial), roles, 0))
+
+
+def filmed_sideways(trial: Trial, roles: Roles) -> FilmedSpeed | None:
+    """Return the sideways speed of a recording of a gait, left positive; None where it was not measured.
+
+    Raises:
+        GaitoptError: it was measured for less than two cycles.
+    """
+    if _missing(trial, roles, 1):
+        return None
+    return _speed(trial, *_along(_checked(trial), roles, 1))
+
+
+def _checked(trial: Trial) -> Trial:
+    if not isinstance(trial.drive, Gait):
+        raise GaitoptError(f"trial {trial.name}: found logged commands; allowed: a gait of the campaign")
+    return clean(trial).trial
+
+
+def _speed(trial: Trial, time: Series, travelled: Series) -> FilmedSpeed:
+    """Return the speed of a recording from its travel, m, at some times, s.
+
     Each sample is compared with where the robot was one period later, so that what happens within a cycle
     does not count.
 
     Raises:
-        GaitoptError: forward motion was not measured, or for less than two cycles.
+        GaitoptError: it lasts less than two cycles.
     """
-    if not isinstance(trial.drive, Gait):
-        raise GaitoptError(f"trial {trial.name}: found logged commands; allowed: a gait of the campaign")
-    time, forward = _forward(clean(trial).trial, roles)
+    assert isinstance(trial.drive, Gait)
     period = trial.drive.period_s
     if trial.starts_at_s is not None:  # what the camera saw before the gait began
         walking = time + trial.starts_at_s >= 0.0
-        time, forward = time[walking], forward[walking]
+        time, travelled = time[walking], travelled[walking]
     count = int((time[-1] - time[0]) / period + 1e-6) if len(time) else 0
     if count < 1:
         raise GaitoptError(f"trial {trial.name}: found less than one cycle of {period:g} s; allowed: two")
     starts = time[time <= time[-1] - period * (1.0 - 1e-9)]
-    moved = np.interp(starts + period, time, forward) - forward[: len(starts)]
+    moved = np.interp(starts + period, time, travelled) - travelled[: len(starts)]
     cycle = ((starts - time[0]) / period).astype(int)
     speeds = [float(moved[cycle == n].mean()) / period for n in range(count) if (cycle == n).any()]
     if len(speeds) >= _SKIPPED_FROM:
@@ -63,13 +90,26 @@ def filmed_speed(trial: Trial, roles: Roles) -> FilmedSpeed:
     return FilmedSpeed(float(np.mean(speeds)), spread, len(speeds))
 
 
-def _forward(trial: Trial, roles: Roles) -> tuple[Series, Series]:
-    """Return time stamps, s, and how far the marker is forward, m, both of shape (n,)."""
-    needed = {
-        name: share for name, share in zip(MARKER, roles.axes[0].tolist(), strict=True) if abs(share) > 1e-9
-    }
-    missing = [name for name in needed if name not in trial.signals]
-    if missing:
+def _needed(roles: Roles, axis: int) -> dict[str, float]:
+    """Return the signals of the marker of which one axis is made, with their shares."""
+    shares = zip(MARKER, roles.axes[axis].tolist(), strict=True)
+    return {name: share for name, share in shares if abs(share) > 1e-9}
+
+
+def _missing(trial: Trial, roles: Roles, axis: int) -> list[str]:
+    return [name for name in _needed(roles, axis) if name not in trial.signals]
+
+
+def _along(trial: Trial, roles: Roles, axis: int) -> tuple[Series, Series]:
+    """Return time stamps, s, and how far the marker is along an axis of the robot, m, both of shape (n,).
+
+    Args:
+        trial: the recording.
+        roles: marker and axes.
+        axis: 0 for forward, 1 for left.
+    """
+    needed = _needed(roles, axis)
+    if missing := _missing(trial, roles, axis):
         raise GaitoptError(f"trial {trial.name}: no {missing[0]}; a campaign needs the motion forward")
     used = np.logical_and.reduce([trial.used[name] for name in needed])
     time, first = np.unique(trial.time[used], return_index=True)
@@ -108,7 +148,7 @@ def confirmed(
 
 @dataclass(frozen=True)
 class Measured:
-    """What films say of the speed of the gaits.
+    """What films say of the speed of the gaits, forward or sideways.
 
     Attributes:
         means: mean speed over the films of each gait, m/s, by the film's number.
@@ -121,7 +161,7 @@ class Measured:
     repeatability_m_s: float
 
     @staticmethod
-    def of(films: Sequence[tuple[int, FilmedSpeed]], least: float) -> Measured:
+    def of(films: Sequence[tuple[int, FilmedSpeed]], least_m_s: float) -> Measured:
         """Return what films say.
 
         Repeats show the repeatability; until there are many, the spread of the cycles counts as much as one
@@ -129,7 +169,7 @@ class Measured:
 
         Args:
             films: number of the gait's film, and the speed, of each recording.
-            least: smallest repeatability, as a share of the highest speed.
+            least_m_s: smallest repeatability, m/s.
         """
         speeds: dict[int, list[float]] = {}
         for number, one in films:
@@ -139,6 +179,23 @@ class Measured:
         apart = sum(float(np.sum((np.array(own) - np.mean(own)) ** 2)) for own in speeds.values())
         freedom = sum(len(own) - 1 for own in speeds.values())
         spread = math.sqrt((cycles + apart) / (1.0 + freedom))
-        floor = least * max((abs(float(np.mean(own))) for own in speeds.values()), default=0.0)
         means = {number: float(np.mean(own)) for number, own in speeds.items()}
-        return Measured(means, {number: len(own) for number, own in speeds.items()}, max(spread, floor))
+        return Measured(means, {number: len(own) for number, own in speeds.items()}, max(spread, least_m_s))
+
+
+def filmed_drifts(
+    films: Sequence[tuple[int, Trial]], forward: Mapping[int, float], roles: Roles
+) -> dict[int, float]:
+    """Return sideways over forward travel, left positive, by the film's number, where both were measured.
+
+    Args:
+        films: number of the film of each recording.
+        forward: forward speed of each film, m/s.
+        roles: marker and axes.
+    """
+    shown: dict[int, list[float]] = {}
+    for number, trial in films:
+        sideways = filmed_sideways(trial, roles)
+        if sideways is not None and number in forward:
+            shown.setdefault(number, []).append(sideways.mean_m_s)
+    return {n: float(np.mean(own)) / max(abs(forward[n]), _STILL_M_S) for n, own in shown.items()}

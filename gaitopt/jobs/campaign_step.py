@@ -13,7 +13,7 @@ from gaitopt.campaign.records import FilmRow, Step
 from gaitopt.campaign.robots import own_scenarios, prior_robots, walked
 from gaitopt.campaign.search import Search
 from gaitopt.campaign.settings import CampaignSettings
-from gaitopt.campaign.speeds import Measured, confirmed, filmed_speed
+from gaitopt.campaign.speeds import FilmedSpeed, Measured, confirmed, filmed_drifts, filmed_speed
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import OnProgress, Progress
 from gaitopt.diagnose.diagnosis import DiagnosisRequest
@@ -31,6 +31,7 @@ from gaitopt.runs.diagnosis_folder import read_diagnosis
 from gaitopt.runs.folder import POSTERIOR_FILE, held
 from gaitopt.runs.folder import REQUEST_FILE as RUN_FILE
 from gaitopt.runs.posterior import read_robots
+from gaitopt.simulation.metrics import SIDEWAYS_RATIO
 from gaitopt.simulation.rollout import Simulator
 
 _MORE_THAN_CYCLES = 0.1
@@ -142,14 +143,18 @@ class StepWork:
         odd = _names(told.get("misfit_trials"))
         each = [(number, trial.name, filmed_speed(trial, problem.roles)) for number, trial in films]
         counted = confirmed(each, odd, self.settings.belief.confirmed)
-        measured = Measured.of(counted, self.settings.belief.repeatability) if counted else None
+        measured = _measured(counted, self.settings.belief.repeatability) if counted else None
+        drifts = filmed_drifts(films, measured.means if measured else {}, problem.roles)
+        limit = problem.objective.constraints.get(SIDEWAYS_RATIO)
         known = Known(
             space=problem.space,
             gaits=gaits,
             films={gait.key: number for number, gait in self.folder.gaits.items()},
             walked=speeds,
-            rows=_rows(films, odd, measured),
+            rows=_rows(films, odd, measured, drifts),
             measured=measured,
+            drifts=drifts,
+            most_drift=math.inf if limit is None or limit.max is None else limit.max,
             causes=_names(told.get("causes")),
             answer=str(told.get("answer", "")),
             notes=[
@@ -232,12 +237,31 @@ def _names(values: object) -> list[str]:
     return [str(value) for value in values] if isinstance(values, (list, tuple, dict)) else []
 
 
-def _rows(films: Sequence[tuple[int, Trial]], odd: Sequence[str], measured: Measured | None) -> list[FilmRow]:
+def _measured(films: Sequence[tuple[int, FilmedSpeed]], repeatability: float) -> Measured:
+    """Return what films say, no more repeatable than a share of the fastest one."""
+    fastest = max(abs(speed.mean_m_s) for _, speed in films)
+    return Measured.of(films, repeatability * fastest)
+
+
+def _rows(
+    films: Sequence[tuple[int, Trial]],
+    odd: Sequence[str],
+    measured: Measured | None,
+    drifts: Mapping[int, float],
+) -> list[FilmRow]:
     """Return what each film says."""
     rows = []
     for film in sorted({number for number, _ in films}):
         own = [trial.name for number, trial in films if number == film]
         speed = None if measured is None else measured.means.get(film)
         misfits = sum(name in odd for name in own)
-        rows.append(FilmRow(film=film, measured_speed_m_s=speed, recordings=len(own), misfits=misfits))
+        rows.append(
+            FilmRow(
+                film=film,
+                measured_speed_m_s=speed,
+                drift=drifts.get(film),
+                recordings=len(own),
+                misfits=misfits,
+            )
+        )
     return rows

@@ -63,7 +63,7 @@ def margins(problem: Problem, verified: Verified) -> tuple[Margin, ...]:
         return ()
     rows = [mean_metrics([row]) for row in verified.rows]
     return tuple(
-        _margin(name, side, limit, [row[name] for row in rows], objective.breaking_share)
+        _margin(name, side, limit, [row[name] for row in rows], objective.breaking_share(constraint))
         for name, constraint in objective.constraints.items()
         for side, limit in (("max", constraint.max), ("min", constraint.min))
         if limit is not None

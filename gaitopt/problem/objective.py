@@ -9,25 +9,6 @@ from pydantic import Field, field_validator, model_validator
 from gaitopt.problem.fields import FileRecord, Finite, Positive
 
 
-class Constraint(FileRecord):
-    """A limit on a metric.
-
-    Attributes:
-        max, min: the metric is at most `max` and at least `min`; one of them may be missing.
-        scale: size of a serious violation, in the metric's unit.
-    """
-
-    max: float | None = None
-    min: float | None = None
-    scale: Positive = 1.0
-
-    @model_validator(mode="after")
-    def _has_a_limit(self) -> Constraint:
-        if self.max is None and self.min is None:
-            raise ValueError("allowed: `max`, `min` or both")
-        return self
-
-
 class Quantile(FileRecord):
     """A quantile over the scenarios.
 
@@ -36,6 +17,33 @@ class Quantile(FileRecord):
     """
 
     quantile: Annotated[float, Field(strict=True, ge=0.0, le=0.5)]
+
+
+class Constraint(FileRecord):
+    """A limit on a metric.
+
+    Attributes:
+        max, min: the metric is at most `max` and at least `min`; one of them may be missing.
+        scale: size of a serious violation, in the metric's unit.
+        over_scenarios: how it is judged over the scenarios, where it is not as the other limits are; see
+            `Objective`.
+    """
+
+    max: float | None = None
+    min: float | None = None
+    scale: Positive = 1.0
+    over_scenarios: Literal["mean", "worst"] | Quantile | None = None
+
+    @field_validator("over_scenarios", mode="before")
+    @classmethod
+    def _is_a_rule(cls, value: Any) -> Any:
+        return _checked_rule(value)
+
+    @model_validator(mode="after")
+    def _has_a_limit(self) -> Constraint:
+        if self.max is None and self.min is None:
+            raise ValueError("allowed: `max`, `min` or both")
+        return self
 
 
 class Battery(FileRecord):
@@ -82,13 +90,7 @@ class Objective(FileRecord):
     @field_validator("over_scenarios", "limits_over_scenarios", mode="before")
     @classmethod
     def _is_a_rule(cls, value: Any) -> Any:
-        if value is None:
-            return None
-        share = value.get("quantile") if isinstance(value, dict) and len(value) == 1 else None
-        number = isinstance(share, (int, float)) and not isinstance(share, bool) and 0.0 <= share <= 0.5
-        if not (number or value in ("mean", "worst") or isinstance(value, Quantile)):
-            raise ValueError(f'found {value!r}; allowed: "mean", "worst" or {{ quantile = 0 to 0.5 }}')
-        return {"quantile": float(share)} if share is not None else value
+        return _checked_rule(value)
 
     @property
     def named(self) -> set[str]:
@@ -100,10 +102,9 @@ class Objective(FileRecord):
         """Share of the scenarios that may be worse than a gait's cost says; None for the mean."""
         return _worse_share(self.over_scenarios)
 
-    @property
-    def breaking_share(self) -> float | None:
-        """Share of the scenarios that may break a limit; None for limits on means."""
-        rule = self.limits_over_scenarios
+    def breaking_share(self, limit: Constraint) -> float | None:
+        """Return the share of the scenarios that may break a limit; None for a limit on the mean."""
+        rule = limit.over_scenarios or self.limits_over_scenarios
         return self.worse_share if rule is None else _worse_share(rule)
 
 
@@ -111,3 +112,18 @@ def _worse_share(rule: str | Quantile) -> float | None:
     if isinstance(rule, Quantile):
         return rule.quantile
     return 0.0 if rule == "worst" else None
+
+
+def _checked_rule(value: Any) -> Any:
+    """Return a rule over scenarios as its field takes it.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if value is None:
+        return None
+    share = value.get("quantile") if isinstance(value, dict) and len(value) == 1 else None
+    number = isinstance(share, (int, float)) and not isinstance(share, bool) and 0.0 <= share <= 0.5
+    if not (number or value in ("mean", "worst") or isinstance(value, Quantile)):
+        raise ValueError(f'found {value!r}; allowed: "mean", "worst" or {{ quantile = 0 to 0.5 }}')
+    return {"quantile": float(share)} if share is not None else value

@@ -140,12 +140,23 @@ def _films(proposals: Sequence[Proposal], step: Step) -> Table:
             recordings += f", of which {row.misfits} fit no other"
         low_high = interval_text(one.predicted_speed_m_s.ci90, ".1f")
         expected = f"{1e3 * one.predicted_speed_m_s.mean:.1f}"
-        cells.append([f"{one.film}", one.gait, one.purpose, expected, low_high, measured, recordings])
+        drift = "–" if row is None or row.drift is None else f"{row.drift:+.0%}"
+        cells.append([f"{one.film}", one.gait, one.purpose, expected, low_high, measured, drift, recordings])
     return Table(
-        head=["film", "gait", "why", "predicted [mm/s]", "90 % interval", "measured [mm/s]", "recordings"],
+        head=[
+            "film",
+            "gait",
+            "why",
+            "predicted [mm/s]",
+            "90 % interval",
+            "measured [mm/s]",
+            "drift",
+            "recordings",
+        ],
         rows=cells,
-        note="Predicted: when the film was proposed, before it was made.",
-        words=(1, 2, 6),
+        note="Predicted: when the film was proposed, before it was made. Drift: sideways over forward "
+        "travel, left positive.",
+        words=(1, 2, 7),
     )
 
 
@@ -165,13 +176,23 @@ def _candidates(step: Step) -> Table:
         low_high = interval_text(one.predicted_m_s.ci90, ".1f")
         speed, worth = f"{1e3 * one.predicted_m_s.mean:.1f}", f"{1e3 * one.film_is_worth_m_s:.2f}"
         breaks = f"{one.breaks:.0%}" + ("" if one.safe else ", not filmed")
-        rows.append([one.name, figure(one.period_s), speed, low_high, worth, breaks])
+        keeps = f"{one.keeps_limits:.0%}"
+        rows.append([one.name, figure(one.period_s), speed, low_high, keeps, worth, breaks])
     return Table(
-        head=["gait", "period [s]", "expected [mm/s]", "90 % interval", "a film is worth [mm/s]", "breaks"],
+        head=[
+            "gait",
+            "period [s]",
+            "expected [mm/s]",
+            "90 % interval",
+            "keeps its course",
+            "a film is worth [mm/s]",
+            "harmful on",
+        ],
         rows=rows,
-        note="Worth: by how much a film is expected to raise the speed of the best gait. Breaks: share of "
-        "the possible robots on which the gait breaks a limit.",
-        words=(5,),
+        note="Keeps its course: probability that it keeps the limits on where and how well it walks. Worth: "
+        "by how much a film is expected to raise the speed of the best gait, times that probability. "
+        "Harmful on: share of the possible robots on which the gait breaks another limit.",
+        words=(6,),
     )
 
 

@@ -52,6 +52,8 @@ class Metric:
         per_cycle: whether it is of one cycle, and left out where nothing repeats.
         of_marker: whether it is of the marker's travel, and left out without ``roles.marker``.
         of_ground: whether it is of how the robot stands on the ground, and left out where it is held.
+        harmless: whether a gait that breaks a limit on it harms nothing: it is of where and how well the
+            robot walks.
         needs: field of the objective that it needs, if any.
     """
 
@@ -64,6 +66,7 @@ class Metric:
     per_cycle: bool = False
     of_marker: bool = False
     of_ground: bool = False
+    harmless: bool = False
     needs: str = ""
 
 
@@ -209,6 +212,7 @@ SPEED = Metric(
     lambda window: window.velocity[0],
     title="forward speed",
     of_marker=True,
+    harmless=True,
 )
 
 REACHED = Metric(
@@ -220,6 +224,8 @@ REACHED = Metric(
 )
 """The metric that ``reached.CHANNEL`` comes beside, per channel."""
 
+SIDEWAYS, SIDEWAYS_RATIO = "sideways_m_s", "sideways_ratio"
+
 _IN_ORDER = (
     SPEED,
     Metric(
@@ -228,21 +234,24 @@ _IN_ORDER = (
         lambda window: window.velocity[0] * (window.drive.period_s or math.nan),
         per_cycle=True,
         of_marker=True,
+        harmless=True,
     ),
     Metric(
-        "sideways_m_s",
+        SIDEWAYS,
         "net sideways speed, left positive",
         lambda window: window.velocity[1],
         title="sideways speed",
         drift=True,
         of_marker=True,
+        harmless=True,
     ),
     Metric(
-        "sideways_ratio",
+        SIDEWAYS_RATIO,
         "sideways over forward travel, in size; at most 10",
         lambda window: _ratio(abs(window.velocity[1]), abs(window.velocity[0])),
         title="sideways over forward",
         of_marker=True,
+        harmless=True,
     ),
     Metric(
         "yaw_rate_rad_s",
@@ -251,6 +260,7 @@ _IN_ORDER = (
         title="turning rate",
         drift=True,
         of_ground=True,
+        harmless=True,
     ),
     Metric("tilt_rad", "largest tilt of the trunk", _tilt, title="largest tilt", of_ground=True),
     Metric(
@@ -260,6 +270,7 @@ _IN_ORDER = (
         title="slip back per cycle",
         per_cycle=True,
         of_ground=True,
+        harmless=True,
     ),
     Metric(
         "airtime",
@@ -292,12 +303,14 @@ _IN_ORDER = (
         "mean mechanical power at the servos' shafts; braking costs nothing and returns nothing",
         lambda window: window.power,
         title="mechanical power",
+        harmless=True,
     ),
     Metric(
         "cost_of_transport",
         "energy per weight and forward distance; inf when it does not go forward",
         _cost_of_transport,
         of_marker=True,
+        harmless=True,
     ),
     Metric(
         "command_speed_ratio",
@@ -315,6 +328,7 @@ _AIMS = (
         _yaw_rate,
         title="turning to the left",
         of_ground=True,
+        harmless=True,
     ),
     Metric(
         "straightness",
@@ -323,6 +337,7 @@ _AIMS = (
         share=True,
         per_cycle=True,
         of_marker=True,
+        harmless=True,
     ),
     Metric(
         "speed_error",
@@ -332,6 +347,7 @@ _AIMS = (
         share=True,
         of_marker=True,
         needs="wanted_speed_m_s",
+        harmless=True,
     ),
     Metric(
         "cost_at_wanted_speed",
@@ -339,6 +355,7 @@ _AIMS = (
         lambda window: window.power / (window.robot.weight * _wanted(window)),
         title="cost of transport at the wanted speed",
         needs="wanted_speed_m_s",
+        harmless=True,
     ),
     Metric(
         "distance_per_charge_m",
@@ -347,6 +364,7 @@ _AIMS = (
         title="distance per charge",
         of_marker=True,
         needs="battery",
+        harmless=True,
     ),
 )
 
@@ -355,3 +373,6 @@ AIMS: dict[str, Metric] = {metric.name: metric for metric in _AIMS}
 
 METRICS: dict[str, Metric] = {metric.name: metric for metric in _IN_ORDER}
 """Every metric by name, in the order of tables and files; ``reached.CHANNEL`` comes after them all."""
+
+HARMLESS = frozenset(name for name, metric in (METRICS | AIMS).items() if metric.harmless)
+"""Metrics on which a broken limit harms nothing."""

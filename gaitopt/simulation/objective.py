@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -96,13 +97,15 @@ def evaluate(
         return Evaluation(FAILED_COST, mean_metrics(list(rows)), {}, failed)
     metrics = mean_metrics(list(rows))
     alone = [mean_metrics([row]) for row in rows]
-    share, breaking = objective.worse_share, objective.breaking_share
-    judged, limited = ([metrics] if one is None else alone for one in (share, breaking))
+
+    def over(share: float | None, of: Callable[[Metrics], float]) -> float:
+        return _over([of(row) for row in ([metrics] if share is None else alone)], share)
+
     violations = {
-        name: _over([_violation(limit, row[name], margin) for row in limited], breaking)
+        name: over(objective.breaking_share(limit), partial(_violated, name, limit, margin))
         for name, limit in objective.constraints.items()
     }
-    cost = _over([sum(w * row[name] for name, w in objective.terms.items()) for row in judged], share)
+    cost = over(objective.worse_share, lambda row: sum(w * row[name] for name, w in objective.terms.items()))
     cost += objective.penalty * sum(violations.values())
     return Evaluation(cost if math.isfinite(cost) else FAILED_COST, metrics, violations, "ok")
 
@@ -115,7 +118,8 @@ def _over(values: list[float], share: float | None) -> float:
         return float(np.quantile(values, 1.0 - share)) if share else max(values)
 
 
-def _violation(constraint: Constraint, value: float, margin: float) -> float:
+def _violated(name: str, constraint: Constraint, margin: float, row: Metrics) -> float:
+    value = row[name]
     if math.isnan(value):
         return _WORST_VIOLATION
     over = under = 0.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gaitopt.campaign.speeds import FilmedSpeed, Measured, confirmed, filmed_speed
+from gaitopt.campaign.speeds import FilmedSpeed, Measured, confirmed, filmed_drifts, filmed_speed
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.gait import Channel, Gait
@@ -53,7 +53,7 @@ def test_repeats_show_the_repeatability() -> None:
     wide = Measured.of([(1, one(0.04)), (1, one(0.06)), (2, one(0.02))], 0.0)
     assert wide.means == {1: pytest.approx(0.05), 2: pytest.approx(0.02)}
     assert wide.repeatability_m_s == pytest.approx(np.sqrt((1e-6 + 2e-4) / 2.0))
-    assert Measured.of([(1, one(0.5))], 0.01).repeatability_m_s == pytest.approx(0.005)
+    assert Measured.of([(1, one(0.5))], 0.005).repeatability_m_s == pytest.approx(0.005)
 
 
 def test_a_speed_that_fits_nothing_counts_once_it_is_confirmed() -> None:
@@ -61,3 +61,11 @@ def test_a_speed_that_fits_nothing_counts_once_it_is_confirmed() -> None:
     assert [number for number, _ in confirmed(films, ["b"], 0.15)] == [1, 2]
     films.append((2, "d", one(0.0105)))
     assert len(confirmed(films, ["b", "d"], 0.15)) == 4
+
+
+def test_a_drift_is_sideways_over_forward_travel_and_unknown_without_its_signal() -> None:
+    straight = film(0.04)
+    right = Trial.of("right", GAIT, straight.time, {**straight.signals, "marker.y": -0.008 * straight.time})
+    roles, forward = Roles(marker="nose"), {1: 0.04, 2: 0.04}
+    shown = filmed_drifts([(1, straight), (2, right), (3, right)], forward, roles)
+    assert shown == {2: pytest.approx(-0.2)}

@@ -35,7 +35,7 @@ from gaitopt.blind.settings import DEFAULT as BLIND
 from gaitopt.campaign.records import Proposal
 from gaitopt.campaign.rivals import Tried, bayesian_optimisation, trial_and_error
 from gaitopt.campaign.robots import prior_robots
-from gaitopt.campaign.speeds import filmed_speed
+from gaitopt.campaign.speeds import filmed_drifts, filmed_speed
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.json import to_json
 from gaitopt.effects.active import as_tables
@@ -55,7 +55,7 @@ from gaitopt.report.page import png
 from gaitopt.robot.warnings import silence_warnings
 from gaitopt.runs.folder import JOURNAL_FILE
 from gaitopt.runs.run_folder import RunFolder
-from gaitopt.simulation.metrics import SPEED, measure
+from gaitopt.simulation.metrics import SIDEWAYS_RATIO, SPEED, measure
 from gaitopt.simulation.objective import evaluate
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
@@ -150,7 +150,11 @@ def case(
         recommended.append(campaign.best_gait)
 
     def filmed(gait: Gait) -> float:
-        return filmed_speed(replace(robot(gait), drive=gait), problem.roles).mean_m_s
+        """A gait that drifts too far counts nothing."""
+        film = replace(robot(gait), drive=gait)
+        speed = filmed_speed(film, problem.roles).mean_m_s
+        (drift,) = filmed_drifts([(0, film)], {0: speed}, problem.roles).values()
+        return speed if abs(drift) <= (problem.objective.constraints[SIDEWAYS_RATIO].max or 0.0) else 0.0
 
     searched = tried_by_the_nominal_search(folder / "steps" / "00" / "nominal", problem)
     starts = list(problem.baselines.values())

@@ -1,0 +1,66 @@
+"""How probable it is that a gait keeps the limits on where and how well it walks, which its film shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from gaitopt.campaign.belief import Belief, Filmed
+from gaitopt.campaign.robots import Walked
+from gaitopt.campaign.settings import BeliefSettings
+
+Array = NDArray[np.float64]
+
+_LARGEST = 1.0
+"""A gait that drifts more than it walks forward is no better known by how much more."""
+
+
+@dataclass(frozen=True)
+class Drifts:
+    """Measured drifts: sideways over forward travel, left positive.
+
+    Attributes:
+        gaits: index of the gait of each, shape (m,).
+        ratios: mean of its films, shape (m,).
+        films: how many films each has, shape (m,).
+    """
+
+    gaits: NDArray[np.int_]
+    ratios: Array
+    films: NDArray[np.int_]
+
+
+def chances(
+    walked: Walked, weights: Array, points: Array, drifts: Drifts, limit: float, settings: BeliefSettings
+) -> Array:
+    """Return how probable it is that each gait keeps its limits, shape (gaits,).
+
+    The drift of a gait is believed as its speed is: each robot predicts it, and what films measure beyond
+    that is a Gaussian process over the gait space. Of other limits the robots that keep them count.
+
+    Args:
+        walked: the gaits on the robots.
+        weights: probability of each robot by the speeds that were measured, shape (robots,).
+        points: points of the gaits, in a space of true distances, shape (gaits, d).
+        drifts: what films show.
+        limit: largest drift allowed; infinite where there is no limit on it.
+        settings: see `BeliefSettings`.
+    """
+    kept = np.where(walked.strays, 0.0, 1.0)
+    if not np.isfinite(limit):
+        return np.asarray(weights @ kept, dtype=float)
+    forward = np.maximum(np.abs(walked.speeds), 1e-9)
+    ratios = np.clip(walked.sideways / forward, -_LARGEST, _LARGEST)
+    measured = np.clip(drifts.ratios, -_LARGEST, _LARGEST)
+    filmed = Filmed(drifts.gaits, measured, settings.drift_repeatability**2 / np.maximum(drifts.films, 1))
+    belief = Belief.of(ratios, points, filmed, settings.drift, settings)
+    spread = np.sqrt(np.maximum(np.diag(belief.unknown), 1e-12))
+    within = stats.norm.cdf((limit - belief.robots) / spread) - stats.norm.cdf(
+        (-limit - belief.robots) / spread
+    )
+    both = weights * belief.weights
+    both = both / both.sum() if both.sum() > 0.0 else weights
+    return np.asarray(both @ (kept * within), dtype=float)
