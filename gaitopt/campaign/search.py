@@ -17,7 +17,7 @@ from gaitopt.effects.active import EffectValues
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
 from gaitopt.optimise.stages import DEFAULT_METHOD
-from gaitopt.optimise.study import Start, Study
+from gaitopt.optimise.study import Study
 from gaitopt.optimise.verification import evenly
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.scenario import Scenario
@@ -85,17 +85,20 @@ class Search:
         executor: Executor,
         on_progress: OnProgress,
     ) -> list[Entry]:
-        """Search for robots from known gaits, and return every evaluation."""
+        """Search for robots from known gaits and gaits near them, and return every evaluation.
+
+        What is known of the robot may have changed much since a gait was found. So the batch near them counts
+        as much as the gaits themselves, which come on top of the budget.
+        """
         evaluator = evaluator_on(problem, scenarios, executor, problem.objective.search_margin)
         key = repr((versions_text(), evaluator.setup.key, budget, self.seed, [one.key for one in starts]))
         digest = hashlib.sha256(key.encode()).hexdigest()
         path = self.folder / f"search-{number}-{digest[:8]}.csv"  # another version begins another journal
         journal = Journal(path, problem, digest)
         seed = int(generator(self.seed, Stream.CAMPAIGN_SEARCH, number).integers(2**31))
-        study = Study(evaluator, journal, max(1, budget), seed, on_progress, self.settings.search.study)
-        costs = [one.evaluation.cost for one in evaluator(starts)]
-        pairs = zip(starts, costs, strict=True)
-        study.run(DEFAULT_METHOD, [Start(gait, cost) for gait, cost in pairs])
+        gaits = budget + len(starts)
+        study = Study(evaluator, journal, max(1, gaits), seed, on_progress, self.settings.search.study)
+        study.run(DEFAULT_METHOD, planned=starts)
         return study.entries
 
 

@@ -68,6 +68,7 @@ class FilmStatus:
         measured_m_s: the speed that it shows, m/s; None before it is told, or where it fits no other.
         recordings: recordings that were told.
         misfits: how many of them fit no other.
+        drift: sideways over forward travel, left positive; None where it was not measured.
     """
 
     film: int
@@ -76,6 +77,7 @@ class FilmStatus:
     measured_m_s: float | None
     recordings: int = 0
     misfits: int = 0
+    drift: float | None = None
 
     def to_dict(self) -> dict[str, object]:
         """Return a row of ``films``."""
@@ -86,6 +88,7 @@ class FilmStatus:
             "measured_speed_m_s": self.measured_m_s,
             "recordings": self.recordings,
             "misfits": self.misfits,
+            "drift": self.drift,
         }
 
 
@@ -98,6 +101,7 @@ class Status:
         best_gait: file of the best gait.
         best_measured_m_s: its measured speed, m/s; None before it is filmed.
         best_predicted: its expected speed, m/s.
+        best_keeps_limits: probability that it keeps the limits that its film shows.
         still_to_gain: how much faster the truly best candidate may be, m/s.
         causes: effects that are blamed.
         repeatability_m_s: standard deviation of the speed of a gait that is filmed again, m/s.
@@ -110,6 +114,7 @@ class Status:
     best_gait: str
     best_measured_m_s: float | None
     best_predicted: Speed
+    best_keeps_limits: float
     still_to_gain: Speed
     causes: tuple[str, ...]
     repeatability_m_s: float | None
@@ -124,7 +129,7 @@ class Status:
         films = []
         for one in proposals:
             row = rows.get(one.film)
-            counts = (row.recordings, row.misfits) if row else (0, 0)
+            counts = (row.recordings, row.misfits, row.drift) if row else (0, 0, None)
             speed = row.measured_speed_m_s if row else None
             films.append(FilmStatus(one.film, one.gait, one.predicted_speed_m_s, speed, *counts))
         best = step.candidates[step.best]
@@ -133,6 +138,7 @@ class Status:
             best_gait,
             next((film.measured_m_s for film in films if film.gait == best_gait), None),
             best.predicted_m_s,
+            best.keeps_limits,
             step.still_to_gain_m_s,
             step.causes,
             step.repeatability_m_s,
@@ -149,6 +155,7 @@ class Status:
                 "gait": self.best_gait,
                 "measured_speed_m_s": self.best_measured_m_s,
                 "predicted_speed_m_s": self.best_predicted.to_dict(),
+                "keeps_limits": self.best_keeps_limits,
             },
             "still_to_gain": self.still_to_gain.to_dict(),
             "causes": list(self.causes),

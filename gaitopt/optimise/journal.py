@@ -41,7 +41,7 @@ class Entry:
 
     Attributes:
         index: number of the candidate.
-        method: who proposed it: a solver, ``plan``, ``quasi-random`` or ``pareto``.
+        method: who proposed it: a solver, ``plan``, ``near-plan``, ``quasi-random`` or ``pareto``.
         point: its coordinates in the gait space, shape (d,).
         gait: the gait.
         evaluation: what it is worth.

@@ -172,7 +172,7 @@ def optimise(
     on_progress(Progress(_PLAN))
     warm = planned(problem, request.warm_start, replace(settings.plan, seed=request.seed))
     study.run(method, starts, [elite.gait for elite in warm.elites], request.pareto, laddered=True)
-    among = finalists(study.entries, starts, settings.finalists)
+    among = finalists(study.entries, starts, settings.finalists, problem.space)
     winner = select(problem, among, executor, request.seed, on_progress)
     final = _verification(
         problem, winner.gait, best_elite(study.entries, warm.elites), request.seed, executor, on_progress

@@ -7,17 +7,24 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
+import numpy as np
+
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import Count, OnProgress, silent
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator, simulated_s
+from gaitopt.gait.space import GaitSpace
+from gaitopt.optimise.evaluator import Evaluated, Evaluator, simulated_s
 from gaitopt.optimise.journal import Entry, at_rung, ranked
 from gaitopt.optimise.notes import counted
+from gaitopt.optimise.solvers.surrogate import embedded
 from gaitopt.optimise.study import Start
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.setup import RobotSetup
+
+_UNLIKE = 0.1
+"""Gaits are unlike if they are so far apart in the gait space, of which each coordinate is 1 wide."""
 
 
 @dataclass(frozen=True)
@@ -48,26 +55,51 @@ class Selected:
     simulated_s: float
 
 
-def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int) -> list[Finalist]:
-    """Return the best gaits of the search, and the best baseline in case none of them beats it.
+@dataclass(frozen=True)
+class Finalists:
+    """Gaits that may win.
+
+    Attributes:
+        leaders: the best gaits of the search, and the best baseline in case none of them beats it.
+        others: further gaits, best first, each unlike all before it: those in case all leaders break a limit.
+    """
+
+    leaders: Sequence[Finalist]
+    others: Sequence[Finalist] = ()
+
+
+def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int, space: GaitSpace) -> Finalists:
+    """Return the gaits of a search that may win.
 
     Args:
         entries: every evaluation of the search.
         starts: the baselines with their costs.
-        count: how many gaits of the search.
+        count: how many leaders; there are twice as many others at most.
+        space: the gait space.
 
     Raises:
         GaitoptError: every gait of the search failed.
     """
-    leaders = [entry for entry in ranked(at_rung(entries)) if entry.evaluation.status == "ok"][:count]
-    if not leaders:
+    good = [entry for entry in ranked(at_rung(entries)) if entry.evaluation.status == "ok"]
+    if not good:
         reasons = Counter(entry.evaluation.status for entry in entries)
         raise GaitoptError(f"every one of {len(entries)} gaits failed in simulation: {counted(reasons, 5)}")
-    found = [Finalist(entry.gait, entry.method) for entry in leaders]
+    leaders = [Finalist(entry.gait, entry.method) for entry in good[:count]]
     if starts:
         baseline = min(starts, key=lambda start: start.cost).gait
-        found.append(Finalist(baseline, baseline.name))
-    return found
+        leaders.append(Finalist(baseline, baseline.name))
+    others: list[Entry] = []
+    for entry in good[count:]:
+        if len(others) < 2 * count and all(
+            _apart(space, entry, one) > _UNLIKE for one in (*good[:count], *others)
+        ):
+            others.append(entry)
+    return Finalists(leaders, [Finalist(entry.gait, entry.method) for entry in others])
+
+
+def _apart(space: GaitSpace, one: Entry, other: Entry) -> float:
+    points = embedded(np.array([one.point, other.point]), space.circular)
+    return float(np.linalg.norm(points[0] - points[1]))
 
 
 SELECTION = "selection"
@@ -76,7 +108,7 @@ SELECTION = "selection"
 
 def select(
     problem: Problem,
-    among: Sequence[Finalist],
+    among: Finalists,
     executor: Executor,
     seed: int,
     on_progress: OnProgress = silent,
@@ -84,13 +116,19 @@ def select(
     """Return the best of the finalists on fresh scenarios.
 
     The best gait of the search is partly best by chance on its few scenarios; fresh scenarios correct this.
+    Its leaders are often alike, the last steps to one optimum. Where the best of them breaks a limit, the
+    others are tried, too.
     """
     scenarios = scenarios_of(problem, seed, Stream.SELECTION_SCENARIOS)
     setup = RobotSetup.of(problem, scenarios, problem.simulation.working)
-    count = Count(on_progress, SELECTION, len(among) * len(scenarios), "rollouts")
-    evaluator = Evaluator(setup, executor, problem.objective.search_margin, on_done=count.one)
-    judged = evaluator([one.gait for one in among])
-    costs = [one.evaluation.cost for one in judged]
-    winner = among[costs.index(min(costs))]
+    margin, tried, judged = problem.objective.search_margin, list[Finalist](), list[Evaluated]()
+    for group in filter(None, (among.leaders, among.others)):
+        count = Count(on_progress, SELECTION, len(group) * len(scenarios), "rollouts")
+        judged += Evaluator(setup, executor, margin, on_done=count.one)([one.gait for one in group])
+        tried += group
+        best = min(range(len(tried)), key=lambda index: judged[index].evaluation.cost)
+        if judged[best].evaluation.constraints_met:
+            break
+    winner = tried[best]
     gait = Gait(winner.gait.period_s, winner.gait.channels, "best")
     return Selected(gait, winner.found_by, simulated_s(judged))

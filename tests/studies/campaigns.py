@@ -147,7 +147,7 @@ def case(
     recommended, refused = [], 0
     for count in range(1, options.films + 1):
         refused += told(campaign, robot, count, films)
-        recommended.append(campaign.best_gait)
+        recommended.append(recommended_after(campaign, count))
 
     def filmed(gait: Gait) -> float:
         """A gait that drifts too far counts nothing."""
@@ -183,6 +183,13 @@ def case(
         "refused": refused,
         "done": campaign.status().done,
     }
+
+
+def recommended_after(campaign: Campaign, films: int) -> Gait:
+    """Return the best gait that was known after so many films, or after the last one."""
+    step = campaign._folder.step(min(films, campaign._folder.tellings))
+    assert step is not None
+    return step.candidates[step.best].gait
 
 
 def told(campaign: Campaign, robot: SealedRobot, count: int, films: Path | None) -> int:

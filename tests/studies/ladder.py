@@ -134,7 +134,7 @@ def search(case: str, seed: int, rung: str | None) -> dict[str, Any]:
     began = time.process_time()
     searched = searches.search(evaluator, budget, seed, starts, elites, laddered=True, settings=forced(rung))
     cpu_s = time.process_time() - began
-    among = finalists(searched.entries, starts, SearchSettings.finalists)
+    among = finalists(searched.entries, starts, SearchSettings.finalists, problem.space)
     winner = select(problem, among, SerialExecutor(), seed)
     (verified,) = verify(problem, [winner.gait], seed, SerialExecutor())
     longer = ladder.LadderSettings.factor if rung in ("longer timestep", "both") else 1.0

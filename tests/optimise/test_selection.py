@@ -1,0 +1,59 @@
+"""The winner among the best gaits of a search, by fresh scenarios and by its limits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gaitopt.gait.gait import Gait
+from gaitopt.optimise.executors import open_executor
+from gaitopt.optimise.journal import Entry
+from gaitopt.optimise.selection import Finalist, Finalists, finalists, select
+from gaitopt.problem.objective import Constraint
+from gaitopt.problem.problem import Problem
+from gaitopt.problem.robot import Robot
+from gaitopt.simulation.metrics import SPEED, measure
+from gaitopt.simulation.objective import Evaluation
+from gaitopt.simulation.rollout import Simulator
+
+
+def entry(problem: Problem, index: int, point: np.ndarray, cost: float, status: str = "ok") -> Entry:
+    evaluation = Evaluation(cost, {}, {}, status)
+    return Entry(index, "cma-es", point, problem.space.decode(point), evaluation, 1.0)
+
+
+def test_others_are_unlike_the_leaders_and_each_other(strider: Problem) -> None:
+    middle = np.full(len(strider.space.variables), 0.5)
+
+    def at(step: float) -> np.ndarray:
+        point = middle.copy()
+        point[0] += step
+        return point
+
+    steps = [0.0, 0.01, 0.02, 0.3, 0.31, -0.3, 0.05]
+    entries = [entry(strider, i, at(step), float(i)) for i, step in enumerate(steps)]
+    found = finalists([*entries, entry(strider, 9, at(0.5), -1.0, "diverged")], [], 2, strider.space)
+    assert [one.gait for one in found.leaders] == [entries[0].gait, entries[1].gait]
+    assert [one.gait for one in found.others] == [entries[3].gait, entries[5].gait]
+
+
+def speed(problem: Problem, gait: Gait) -> float:
+    robot = Simulator.build(problem)
+    return measure(problem, gait, robot.run(gait), Robot.of(robot.models[0]))[SPEED.name]
+
+
+@pytest.mark.parametrize("share", [0.5, 20.0])
+def test_the_others_are_tried_where_the_leaders_break_a_limit(strider: Problem, share: float) -> None:
+    """A limit on the speed that the faster gait breaks, or that both keep."""
+    gaits = sorted(strider.baselines.values(), key=lambda gait: speed(strider, gait))
+    slow, fast = gaits[0], gaits[-1]
+    limit = speed(strider, slow) + share * (speed(strider, fast) - speed(strider, slow))
+    limits = {SPEED.name: Constraint(max=limit, scale=1e-3)}
+    objective = strider.objective.model_copy(update={"constraints": limits, "search_margin": 0.0})
+    problem = replace(strider, file=strider.file.model_copy(update={"objective": objective}))
+    with open_executor("serial", 1) as pool:
+        found = select(problem, Finalists([Finalist(fast, "fast")], [Finalist(slow, "slow")]), pool, 1)
+        alone = select(problem, Finalists([Finalist(fast, "fast")]), pool, 1)
+    assert found.found_by == ("slow" if share < 1.0 else "fast")
+    assert alone.found_by == "fast"
+    assert (found.simulated_s > alone.simulated_s) == (share < 1.0)
