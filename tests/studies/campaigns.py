@@ -64,6 +64,9 @@ from gaitopt.simulation.tolerances import draw_errors
 SLOW = 0.6
 """A robot is hard if the nominal winner reaches less than this share of its nominal speed."""
 
+STUCK = 0.15
+"""No robot is drawn with which the nominal winner reaches less: it can hardly move, whatever is tried."""
+
 DRAWS = 20
 """Robots drawn until one is hard, or is not, as the case wants it."""
 
@@ -135,7 +138,7 @@ def case(
     for draw in range(DRAWS):
         robot = drawn(problem, options.seed, 1000 * index + draw, outside)
         share = robot.truly(winner)[0] / max(nominal_speed(problem, winner), 1e-6)
-        if outside or (0.0 < share < SLOW if hard else share >= SLOW):
+        if STUCK < share < SLOW if hard else share >= (STUCK if outside else SLOW):
             break
     folder = options.out / "campaigns" / f"{index:02d}"
     if not folder.exists():  # the first step knows nothing of the robot: it is that of all cases
