@@ -92,7 +92,10 @@ def _speed(speed: Speed) -> str:
 
 def _tiles(step: Step, best: Candidate) -> list[tuple[str, str]]:
     measured = step.measured
-    tiles = [(f"{1e3 * best.predicted_m_s.mean:.1f} mm/s", f"expected of the best gait, {best.name}")]
+    tiles = [
+        (f"{1e3 * best.predicted_m_s.mean:.1f} mm/s", f"expected of the best gait, {best.name}"),
+        (f"{best.keeps_limits:.0%}", "probability that it keeps the limits on its course"),
+    ]
     if measured:
         tiles.append((f"{1e3 * max(measured.values()):.1f} mm/s", "highest measured speed"))
     gain = step.still_to_gain_m_s

@@ -146,8 +146,9 @@ def _print_status(known: Status, following: Next, options: Options) -> None:
         low, high = (1e3 * end for end in film.predicted.ci90)
         speed = "–" if film.measured_m_s is None else f"{1e3 * film.measured_m_s:.1f}"
         expected = f"{1e3 * film.predicted.mean:.1f} ({low:.1f} to {high:.1f})"
-        rows.append([f"{film.film}", expected, speed, f"{film.recordings}"])
-    print_table(["film", "predicted [mm/s]", "measured [mm/s]", "recordings"], rows)
+        drift = "–" if film.drift is None else f"{film.drift:+.0%}"
+        rows.append([f"{film.film}", expected, speed, drift, f"{film.recordings}"])
+    print_table(["film", "predicted [mm/s]", "measured [mm/s]", "drift", "recordings"], rows)
     if known.answer:
         say(known.answer)
     for note in known.notes:
