@@ -4,14 +4,14 @@ A case is a robot by other numerics, of which everything is a little wrong by th
 three effects are large, and its grip differs from step to step. One case in twelve has a cause outside the
 library. A third of the cases are such that the nominal winner reaches less than 60 % of its nominal speed.
 Speeds are true ones, without a camera, over several start poses, as a share of the fastest gait without a
-violated limit that any method, or a search on the true robot, has found. With ``--filmed``, a campaign sees its
-robot through the films of a synthetic phone, which are tracked and told as a user does it.
+violated limit that any method, or a search on the true robot, has found. With ``--filmed``, a campaign sees
+its robot through the films of a synthetic phone, which are tracked and told as a user does it.
 
     python tests/studies/campaigns.py --cases 24 --seed 1 --work WORK --out results/campaigns
     python tests/studies/campaigns.py --cases 4 --seed 2 --filmed --work WORK --out results/campaigns/filmed
 
-WORK keeps what a study that was ended needs to go on. Cost: about 50 min of one core for a case of ArcFold with
-five films, of which 35 are the campaign's.
+WORK keeps what a study that was ended needs to go on. Cost: about 50 min of one core for a case of ArcFold
+with five films, of which 35 are the campaign's.
 """
 
 from __future__ import annotations
