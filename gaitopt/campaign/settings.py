@@ -73,6 +73,7 @@ class CampaignSettings:
     """How a campaign works.
 
     Attributes:
+        nominal: gaits of the search on the nominal robot, in budgets: nothing is diagnosed in that step.
         robots: robots of the posterior over which each candidate is predicted.
         most_breaking: a gait is filmed only if it breaks a limit that guards the robot on at most this share
             of them.
@@ -84,6 +85,7 @@ class CampaignSettings:
         belief: what is expected where nothing was filmed.
     """
 
+    nominal: float = 2.0
     robots: int = 20
     most_breaking: float = 0.1
     prior_effects: tuple[int, int] = (1, 2)

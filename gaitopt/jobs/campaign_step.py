@@ -78,7 +78,7 @@ class StepWork:
         if (run / RUN_FILE).is_file():
             optimise(resume=run, executor=self.executor, on_progress=self.on_progress)
         else:
-            budget, seed = request.budget, request.seed
+            budget, seed = max(1, round(self.settings.nominal * request.budget)), request.seed
             optimise(
                 problem,
                 budget=budget,

@@ -71,8 +71,8 @@ SLOW = 0.6
 STUCK = 0.15
 """No robot is drawn with which the nominal winner reaches less: it can hardly move, whatever is tried."""
 
-DRAWS = 20
-"""Robots drawn until one is hard, or is not, as the case wants it."""
+DRAWS = 100
+"""Robots drawn at most until one is hard, or is not, as the case wants it."""
 
 POSES = 4
 """Start poses over which a true speed is the mean."""
@@ -180,7 +180,7 @@ def case(
     return {
         "case": index,
         "seed": options.seed,
-        "hard": hard,
+        "hard": share < SLOW,
         "outside": robot.outside,
         "effects": sorted(robot.effects),
         "best_m_s": fastest,
