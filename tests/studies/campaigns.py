@@ -10,8 +10,9 @@ its robot through the films of a synthetic phone, which are tracked and told as 
     python tests/studies/campaigns.py --cases 24 --seed 1 --work WORK --out results/campaigns
     python tests/studies/campaigns.py --cases 4 --seed 2 --filmed --work WORK --out results/campaigns/filmed
 
-WORK keeps what a study that was ended needs to go on. Cost: about 50 min of one core for a case of ArcFold
-with five films, of which 35 are the campaign's.
+WORK keeps what a study that was ended needs to go on.
+
+Cost: about 60 min of one core for a case of ArcFold with five films, of which 35 are the campaign's.
 """
 
 from __future__ import annotations
