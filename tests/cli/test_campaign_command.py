@@ -35,6 +35,8 @@ def test_the_actions_in_turn(capsys: pytest.CaptureFixture[str]) -> None:
         told = answered(capsys, "tell", "walk", "film-1")
         assert answered(capsys, "status", "walk") == told
         assert told["films"][0]["measured_speed_m_s"] is not None
+        assert isinstance(told["films"][0]["drift"], float)
+        assert 0.0 <= told["best_keeps_limits"] <= 1.0
         assert told["best"].keys() == {"gait", "measured_speed_m_s", "predicted_speed_m_s"}
         assert (Path("walk") / told["best"]["gait"]).is_file()
         assert told["still_to_gain"].keys() == {"mean", "ci90"}
