@@ -74,7 +74,7 @@ def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int, spa
     Args:
         entries: every evaluation of the search.
         starts: the baselines with their costs.
-        count: how many leaders; there are twice as many others at most.
+        count: how many leaders; there are as many others at most.
         space: the gait space.
 
     Raises:
@@ -90,7 +90,7 @@ def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int, spa
         leaders.append(Finalist(baseline, baseline.name))
     others: list[Entry] = []
     for entry in good[count:]:
-        if len(others) < 2 * count and all(
+        if len(others) < count and all(
             _apart(space, entry, one) > _UNLIKE for one in (*good[:count], *others)
         ):
             others.append(entry)
