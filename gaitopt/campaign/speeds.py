@@ -148,7 +148,7 @@ def confirmed(
 
 @dataclass(frozen=True)
 class Measured:
-    """What films say of the speed of the gaits, forward or sideways.
+    """What films say of the speed of the gaits.
 
     Attributes:
         means: mean speed over the films of each gait, m/s, by the film's number.
@@ -161,7 +161,7 @@ class Measured:
     repeatability_m_s: float
 
     @staticmethod
-    def of(films: Sequence[tuple[int, FilmedSpeed]], least_m_s: float) -> Measured:
+    def of(films: Sequence[tuple[int, FilmedSpeed]], least: float) -> Measured:
         """Return what films say.
 
         Repeats show the repeatability; until there are many, the spread of the cycles counts as much as one
@@ -169,7 +169,7 @@ class Measured:
 
         Args:
             films: number of the gait's film, and the speed, of each recording.
-            least_m_s: smallest repeatability, m/s.
+            least: smallest repeatability, as a share of the highest speed.
         """
         speeds: dict[int, list[float]] = {}
         for number, one in films:
@@ -179,8 +179,9 @@ class Measured:
         apart = sum(float(np.sum((np.array(own) - np.mean(own)) ** 2)) for own in speeds.values())
         freedom = sum(len(own) - 1 for own in speeds.values())
         spread = math.sqrt((cycles + apart) / (1.0 + freedom))
+        floor = least * max((abs(float(np.mean(own))) for own in speeds.values()), default=0.0)
         means = {number: float(np.mean(own)) for number, own in speeds.items()}
-        return Measured(means, {number: len(own) for number, own in speeds.items()}, max(spread, least_m_s))
+        return Measured(means, {number: len(own) for number, own in speeds.items()}, max(spread, floor))
 
 
 def filmed_drifts(

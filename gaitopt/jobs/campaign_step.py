@@ -13,7 +13,7 @@ from gaitopt.campaign.records import FilmRow, Step
 from gaitopt.campaign.robots import own_scenarios, prior_robots, walked
 from gaitopt.campaign.search import Search
 from gaitopt.campaign.settings import CampaignSettings
-from gaitopt.campaign.speeds import FilmedSpeed, Measured, confirmed, filmed_drifts, filmed_speed
+from gaitopt.campaign.speeds import Measured, confirmed, filmed_drifts, filmed_speed
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import OnProgress, Progress
 from gaitopt.diagnose.diagnosis import DiagnosisRequest
@@ -143,7 +143,7 @@ class StepWork:
         odd = _names(told.get("misfit_trials"))
         each = [(number, trial.name, filmed_speed(trial, problem.roles)) for number, trial in films]
         counted = confirmed(each, odd, self.settings.belief.confirmed)
-        measured = _measured(counted, self.settings.belief.repeatability) if counted else None
+        measured = Measured.of(counted, self.settings.belief.repeatability) if counted else None
         drifts = filmed_drifts(films, measured.means if measured else {}, problem.roles)
         limit = problem.objective.constraints.get(SIDEWAYS_RATIO)
         known = Known(
@@ -235,12 +235,6 @@ def _distinct(gaits: Mapping[str, Gait]) -> dict[str, Gait]:
 
 def _names(values: object) -> list[str]:
     return [str(value) for value in values] if isinstance(values, (list, tuple, dict)) else []
-
-
-def _measured(films: Sequence[tuple[int, FilmedSpeed]], repeatability: float) -> Measured:
-    """Return what films say, no more repeatable than a share of the fastest one."""
-    fastest = max(abs(speed.mean_m_s) for _, speed in films)
-    return Measured.of(films, repeatability * fastest)
 
 
 def _rows(

@@ -53,7 +53,7 @@ def test_repeats_show_the_repeatability() -> None:
     wide = Measured.of([(1, one(0.04)), (1, one(0.06)), (2, one(0.02))], 0.0)
     assert wide.means == {1: pytest.approx(0.05), 2: pytest.approx(0.02)}
     assert wide.repeatability_m_s == pytest.approx(np.sqrt((1e-6 + 2e-4) / 2.0))
-    assert Measured.of([(1, one(0.5))], 0.005).repeatability_m_s == pytest.approx(0.005)
+    assert Measured.of([(1, one(0.5))], 0.01).repeatability_m_s == pytest.approx(0.005)
 
 
 def test_a_speed_that_fits_nothing_counts_once_it_is_confirmed() -> None:
