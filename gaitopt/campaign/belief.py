@@ -31,7 +31,7 @@ _OUTCOMES = 201
 
 @dataclass(frozen=True)
 class Filmed:
-    """Measured speeds.
+    """Measured speeds; or drifts, which are ratios without a unit.
 
     Attributes:
         gaits: index of the gait of each, shape (m,).

@@ -7,8 +7,6 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
-import numpy as np
-
 from gaitopt.diagnose.gap.align import Aligned, align, unlike
 from gaitopt.diagnose.gap.misfits import MISFITS, misfits
 from gaitopt.diagnose.gap.predict import predict
@@ -17,7 +15,7 @@ from gaitopt.diagnose.record.dataset import WHOLE_CYCLES
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.space import GaitSpace
-from gaitopt.optimise.solvers.surrogate import embedded
+from gaitopt.optimise.solvers.surrogate import distance
 from gaitopt.simulation.rollout import Simulator
 
 ANOTHER_GAIT = MISFITS[0]
@@ -81,5 +79,4 @@ def _explained(others: Sequence[Aligned]) -> bool:
 
 
 def _apart(space: GaitSpace, one: Gait, other: Gait) -> float:
-    points = embedded(np.array([space.encode(one), space.encode(other)]), space.circular)
-    return float(np.linalg.norm(points[0] - points[1]))
+    return distance(space.encode(one), space.encode(other), space.circular)

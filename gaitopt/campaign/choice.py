@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gaitopt.campaign.belief import Belief, Filmed, assumed_m_s
-from gaitopt.campaign.course import Drifts, chances
+from gaitopt.campaign.course import chances
 from gaitopt.campaign.records import LEARN, WALK, Candidate, FilmRow, Speed, Step
 from gaitopt.campaign.robots import Walked
 from gaitopt.campaign.settings import CampaignSettings
@@ -65,12 +65,12 @@ def choose(known: Known, recordings: int, settings: CampaignSettings) -> Step:
     gaits, measured = list(known.gaits.values()), known.measured
     numbers = [known.films.get(gait.key) for gait in gaits]
     points = embedded(np.array([known.space.encode(gait) for gait in gaits]), known.space.circular)
-    filmed, noise = _filmed(numbers, measured)
+    counts, noise = (measured.counts, measured.repeatability_m_s) if measured else ({}, 0.0)
+    filmed = _filmed(numbers, measured.means if measured else {}, counts, noise)
+    drifts = _filmed(numbers, known.drifts, counts, settings.belief.drift_repeatability)
     assumed = assumed_m_s(known.walked.speeds, settings.belief)
     belief = Belief.of(known.walked.speeds, points, filmed, assumed, settings.belief)
-    keeps = chances(
-        known.walked, belief.weights, points, _drifts(known, numbers), known.most_drift, settings.belief
-    )
+    keeps = chances(known.walked, belief.weights, points, drifts, known.most_drift, settings.belief)
     breaks = known.walked.harms.mean(axis=0)
     safe = _safe(breaks, settings.most_breaking)
     worth = [belief.film_is_worth(index, noise, safe, keeps) for index in range(len(gaits))]
@@ -113,34 +113,24 @@ def choose(known: Known, recordings: int, settings: CampaignSettings) -> Step:
     )
 
 
-def _filmed(numbers: Sequence[int | None], measured: Measured | None) -> tuple[Filmed, float]:
-    """Return the measured speeds of the candidates, and the standard deviation of one film's, m/s."""
-    if measured is None:
-        return Filmed(np.empty(0, dtype=int), np.empty(0), np.empty(0)), 0.0
-    indices = [index for index, number in enumerate(numbers) if number in measured.means]
-    own = [number for number in numbers if number is not None and number in measured.means]
-    noise = measured.repeatability_m_s
-    return (
-        Filmed(
-            np.array(indices, dtype=int),
-            np.array([measured.means[number] for number in own]),
-            np.array([noise**2 / measured.counts[number] for number in own]),
-        ),
-        noise,
-    )
+def _filmed(
+    numbers: Sequence[int | None], means: Mapping[int, float], counts: Mapping[int, int], noise: float
+) -> Filmed:
+    """Return what films measured of the candidates.
 
-
-def _drifts(known: Known, numbers: Sequence[int | None]) -> Drifts:
-    """Return the measured drifts of the candidates."""
-    counts = known.measured.counts if known.measured else {}
-    filmed = [
-        (index, known.drifts[number], counts[number])
-        for index, number in enumerate(numbers)
-        if number is not None and number in counts and number in known.drifts
+    Args:
+        numbers: number of the film of each candidate.
+        means: mean of the films of each number.
+        counts: films of each number.
+        noise: standard deviation of one film.
+    """
+    shown = [
+        (index, number) for index, number in enumerate(numbers) if number is not None and number in means
     ]
-    columns = list(zip(*filmed, strict=True)) or [(), (), ()]
-    return Drifts(
-        np.array(columns[0], dtype=int), np.array(columns[1], dtype=float), np.array(columns[2], dtype=int)
+    return Filmed(
+        np.array([index for index, _ in shown], dtype=int),
+        np.array([means[number] for _, number in shown], dtype=float),
+        np.array([noise**2 / counts[number] for _, number in shown], dtype=float),
     )
 
 

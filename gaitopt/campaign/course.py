@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,23 +18,8 @@ _LARGEST = 1.0
 """A gait that drifts more than it walks forward is no better known by how much more."""
 
 
-@dataclass(frozen=True)
-class Drifts:
-    """Measured drifts: sideways over forward travel, left positive.
-
-    Attributes:
-        gaits: index of the gait of each, shape (m,).
-        ratios: mean of its films, shape (m,).
-        films: how many films each has, shape (m,).
-    """
-
-    gaits: NDArray[np.int_]
-    ratios: Array
-    films: NDArray[np.int_]
-
-
 def chances(
-    walked: Walked, weights: Array, points: Array, drifts: Drifts, limit: float, settings: BeliefSettings
+    walked: Walked, weights: Array, points: Array, drifts: Filmed, limit: float, settings: BeliefSettings
 ) -> Array:
     """Return how probable it is that each gait keeps its limits, shape (gaits,).
 
@@ -45,7 +30,7 @@ def chances(
         walked: the gaits on the robots.
         weights: probability of each robot by the speeds that were measured, shape (robots,).
         points: points of the gaits, in a space of true distances, shape (gaits, d).
-        drifts: what films show.
+        drifts: sideways over forward travel in films, left positive.
         limit: largest drift allowed; infinite where there is no limit on it.
         settings: see `BeliefSettings`.
     """
@@ -54,8 +39,7 @@ def chances(
         return np.asarray(weights @ kept, dtype=float)
     forward = np.maximum(np.abs(walked.speeds), 1e-9)
     ratios = np.clip(walked.sideways / forward, -_LARGEST, _LARGEST)
-    measured = np.clip(drifts.ratios, -_LARGEST, _LARGEST)
-    filmed = Filmed(drifts.gaits, measured, settings.drift_repeatability**2 / np.maximum(drifts.films, 1))
+    filmed = replace(drifts, speeds=np.clip(drifts.speeds, -_LARGEST, _LARGEST))
     belief = Belief.of(ratios, points, filmed, settings.drift, settings)
     spread = np.sqrt(np.maximum(np.diag(belief.unknown), 1e-12))
     within = stats.norm.cdf((limit - belief.robots) / spread) - stats.norm.cdf(

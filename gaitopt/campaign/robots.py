@@ -73,7 +73,7 @@ class Walked:
             failed.
         sideways: sideways speed, left positive, likewise.
         harms: whether it breaks a limit that guards the robot there, or failed, shape (robots, gaits).
-        strays: whether it breaks another limit than that on sideways motion, likewise; see `harmless`.
+        strays: whether it breaks another limit than that on sideways motion, likewise (`HARMLESS`).
     """
 
     speeds: NDArray[np.float64]
@@ -127,8 +127,8 @@ def walked(
     """
     rows = evaluator_on(problem, scenarios, executor).outcomes(gaits)
     limits = problem.objective.constraints
-    guards = _limited_by(problem, [name for name in limits if not harmless(name)])
-    others = _limited_by(problem, [name for name in limits if harmless(name) and name != SIDEWAYS_RATIO])
+    guards = _limited_by(problem, [name for name in limits if name not in HARMLESS])
+    others = _limited_by(problem, [name for name in limits if name in HARMLESS and name != SIDEWAYS_RATIO])
 
     def of(metric: str) -> NDArray[np.float64]:
         values = np.array([[one.metrics[metric] for one in row] for row in rows]).T
@@ -138,11 +138,6 @@ def walked(
         return np.array([[not judge(limited, [one]).constraints_met for one in row] for row in rows]).T
 
     return Walked(of(SPEED.name), of(SIDEWAYS), broken(guards), broken(others))
-
-
-def harmless(limit: str) -> bool:
-    """Return whether a gait that breaks the limit on a metric harms nothing, so that it may be filmed."""
-    return limit in HARMLESS
 
 
 def _limited_by(problem: Problem, names: Sequence[str]) -> Problem:
@@ -162,7 +157,7 @@ def judged_by_shares(problem: Problem, breaking: float, slower: float | None) ->
     """
     rule = {"over_scenarios": Quantile(quantile=breaking)}
     limits = {
-        name: limit if harmless(name) else limit.model_copy(update=rule)
+        name: limit if name in HARMLESS else limit.model_copy(update=rule)
         for name, limit in problem.objective.constraints.items()
     }
     judged = {} if slower is None else {"over_scenarios": Quantile(quantile=slower)}

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-import numpy as np
-
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import Count, OnProgress, silent
 from gaitopt.core.streams import Stream
@@ -17,7 +15,7 @@ from gaitopt.gait.space import GaitSpace
 from gaitopt.optimise.evaluator import Evaluated, Evaluator, simulated_s
 from gaitopt.optimise.journal import Entry, at_rung, ranked
 from gaitopt.optimise.notes import counted
-from gaitopt.optimise.solvers.surrogate import embedded
+from gaitopt.optimise.solvers.surrogate import distance
 from gaitopt.optimise.study import Start
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem
@@ -91,15 +89,10 @@ def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int, spa
     others: list[Entry] = []
     for entry in good[count:]:
         if len(others) < count and all(
-            _apart(space, entry, one) > _UNLIKE for one in (*good[:count], *others)
+            distance(entry.point, one.point, space.circular) > _UNLIKE for one in (*good[:count], *others)
         ):
             others.append(entry)
     return Finalists(leaders, [Finalist(entry.gait, entry.method) for entry in others])
-
-
-def _apart(space: GaitSpace, one: Entry, other: Entry) -> float:
-    points = embedded(np.array([one.point, other.point]), space.circular)
-    return float(np.linalg.norm(points[0] - points[1]))
 
 
 SELECTION = "selection"

@@ -168,9 +168,9 @@ class Study:
         return min(known, key=lambda one: one.cost).point
 
     def _near_plan(self, first: FirstBatch | None, planned: Sequence[Gait]) -> list[_Known]:
-        count = 0 if first is None else min(first.count(self._until, planned=True), self._left)
-        if first is None or not count:
+        if first is None or not self._left:
             return []
+        count = min(first.count(self._until, planned=True), self._left)
         spread = self._settings.planned_spread
         points = near_plan(self._space, planned, count, self.seed, spread, first.slower)
         return self._known("near-plan", points)

@@ -4,12 +4,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gaitopt.campaign.course import Drifts, chances
+from gaitopt.campaign.belief import Filmed
+from gaitopt.campaign.course import chances
 from gaitopt.campaign.robots import Walked
 from gaitopt.campaign.settings import BELIEF
 
 POINTS = np.array([[0.0, 0.0], [0.05, 0.0], [2.0, 2.0]])
-NO_FILMS = Drifts(np.empty(0, dtype=int), np.empty(0), np.empty(0, dtype=int))
+NO_FILMS = Filmed(np.empty(0, dtype=int), np.empty(0), np.empty(0))
+
+
+def films(drift: float, count: int) -> Filmed:
+    """Films of the first gait."""
+    return Filmed(np.array([0]), np.array([drift]), np.array([BELIEF.drift_repeatability**2 / count]))
 
 
 def walked(sideways: list[list[float]], strays: list[list[bool]] | None = None) -> Walked:
@@ -19,7 +25,7 @@ def walked(sideways: list[list[float]], strays: list[list[bool]] | None = None) 
     return Walked(np.full(drift.shape, 0.05), drift, none, none if strays is None else np.array(strays))
 
 
-def kept(robots: Walked, drifts: Drifts = NO_FILMS, limit: float = 0.1) -> np.ndarray:
+def kept(robots: Walked, drifts: Filmed = NO_FILMS, limit: float = 0.1) -> np.ndarray:
     weights = np.full(len(robots.speeds), 1.0 / len(robots.speeds))
     return chances(robots, weights, POINTS, drifts, limit, BELIEF)
 
@@ -35,14 +41,14 @@ def test_before_any_film_the_assumed_drift_counts() -> None:
 def test_a_film_that_goes_straight_counts_for_its_gait_and_those_near_it() -> None:
     robots = walked([[0.01, 0.01, 0.01]])  # 0.2 of the way
     before = kept(robots)
-    after = kept(robots, Drifts(np.array([0]), np.array([0.0]), np.array([2])))
+    after = kept(robots, films(0.0, 2))
     assert after[0] > 0.95
     assert after[0] > after[1] > before[1] + 0.3
     assert after[2] - before[2] < after[1] - before[1]
 
 
 def test_a_film_that_drifts_ends_the_hope() -> None:
-    after = kept(walked([[0.0, 0.0, 0.0]]), Drifts(np.array([0]), np.array([-0.4]), np.array([1])))
+    after = kept(walked([[0.0, 0.0, 0.0]]), films(-0.4, 1))
     assert after[0] < 1e-3
 
 

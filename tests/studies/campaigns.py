@@ -140,9 +140,10 @@ def case(
 ) -> dict[str, Any]:
     """Run a case, and return its row."""
     hard, outside = index % 3 == 0, index % 12 == 5
+    nominal_m_s = max(nominal_speed(problem, winner), 1e-6)
     for draw in range(DRAWS):
         robot = drawn(problem, options.seed, 1000 * index + draw, outside)
-        share = robot.truly(winner)[0] / max(nominal_speed(problem, winner), 1e-6)
+        share = robot.truly(winner)[0] / nominal_m_s
         if STUCK < share < SLOW if hard else share >= (STUCK if outside else SLOW):
             break
     folder = options.work / "campaigns" / f"{index:02d}"

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 from films import stand
-from numpy.typing import NDArray
 from sealed_walkers import Walker
 
 from gaitopt.gait.gait import Gait
 from gaitopt.jobs.campaign import Campaign
 from gaitopt.jobs.track import track
 from gaitopt.report.film.phone import Phone, shot
-from gaitopt.report.film.stage import stage_of
+from gaitopt.report.film.stage import motion_of, stage_of
 
 PHONE = Phone(exposures=3)
 DISTANCE_M = 0.5
@@ -34,10 +31,8 @@ def film(robot: Walker, gait: Gait, path: Path) -> None:
     seconds = max(LEAST_CYCLES * gait.period_s, min(LONGEST_S, CYCLES * gait.period_s))
     simulator = robot.robot(replace(robot.scenario, pose_seed=robot.films))
     walked = simulator.run(gait, duration=seconds + 0.2, poses=True)
-    assert walked.poses is not None
-    motion = _held(walked.time, walked.poses)
     stage = stage_of(robot.problem.with_effects(robot.effects))
-    shot(path, stage, motion, stand(DISTANCE_M), PHONE, seconds, begin=BEGIN_S, seed=robot.films)
+    shot(path, stage, motion_of(walked), stand(DISTANCE_M), PHONE, seconds, begin=BEGIN_S, seed=robot.films)
 
 
 def tracked(campaign: Campaign, robot: Walker, folder: Path) -> Path:
@@ -49,7 +44,3 @@ def tracked(campaign: Campaign, robot: Walker, folder: Path) -> Path:
     film(robot, campaign.next_gait, path)
     track([path], campaign.problem, str(campaign.path / proposed.gait), out)
     return out
-
-
-def _held(time: NDArray[np.float64], poses: NDArray[np.float64]) -> Callable[[float], NDArray[np.float64]]:
-    return lambda at: poses[np.clip(np.searchsorted(time, at), 0, len(time) - 1)]

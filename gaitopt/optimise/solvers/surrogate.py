@@ -73,3 +73,9 @@ def embedded(points: Point, circular: NDArray[np.bool_]) -> Point:
     angle = 2.0 * np.pi * points[:, circular]
     box = points[:, ~circular].clip(0.0, 1.0)
     return np.hstack([box, np.cos(angle) / np.pi, np.sin(angle) / np.pi])
+
+
+def distance(one: Point, other: Point, circular: NDArray[np.bool_]) -> float:
+    """Return the true distance of two points, both of shape (d,)."""
+    points = embedded(np.array([one, other]), circular)
+    return float(np.linalg.norm(points[0] - points[1]))

@@ -15,6 +15,7 @@ from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem
 from gaitopt.robot.boxes import box_corners
 from gaitopt.robot.rotation import roll_pitch_yaw
+from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.track.floor_sheet import SHEET_MM, SHEET_TAG_MM
 
@@ -66,6 +67,15 @@ def walk(problem: Problem, gait: str, seconds: float) -> Callable[[float], Array
     trajectory = Simulator.build(problem).run(drive, duration=seconds + 0.1, poses=True)
     if trajectory.status != "ok":
         raise GaitoptError(f"{gait}: the simulation failed: {trajectory.status}")
+    return motion_of(trajectory)
+
+
+def motion_of(trajectory: Trajectory) -> Callable[[float], Array]:
+    """MuJoCo's qpos at a time, s, of a trajectory with poses.
+
+    Raises:
+        ValueError: it has none.
+    """
     time, poses = trajectory.time, trajectory.poses
     if poses is None:
         raise ValueError("a trajectory without poses")
