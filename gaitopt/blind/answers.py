@@ -128,6 +128,10 @@ class Case(BaseModel):
         gap = self.truth.gap_over_floor
         return [name for name in self.planted if self.truth.seen.get(name, gap) >= least]
 
+    def visible_beside_errors(self, least: float) -> list[str]:
+        """Return the planted effects that move the robot so many times as far as small errors do."""
+        return [name for name, moved in self.truth.seen_beside_errors.items() if moved >= least]
+
     @property
     def false_causes(self) -> list[str]:
         """The causes that were not planted."""

@@ -151,6 +151,7 @@ def make_case(
         gap_over_floor=recording.gap,
         figures=dict(recording.figures),
         seen=dict(recording.seen),
+        seen_beside_errors=dict(recording.seen_beside_errors),
         trials=tuple(recording.paths),
         misfits={name: misfit.name for name, misfit in recording.misfits.items()},
         speeds_m_s=dict(recording.speeds),

@@ -8,6 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitopt.blind.settings import DEFAULT, BlindSettings
 from gaitopt.core.errors import unknown_name
@@ -20,6 +21,8 @@ from gaitopt.problem.problem import Problem
 from gaitopt.robot.signals import MARKER, is_position, joint_signal
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
+
+Array = NDArray[np.float64]
 
 _SOURCE = "blind make"
 
@@ -134,15 +137,24 @@ class CaseFactory:
         Returns:
             Infinity where a simulation failed.
         """
-        ratios = []
+        return float(np.max(self.floors_apart(paths, others)))
+
+    def floors_apart(self, paths: Mapping[str, Trajectory], others: Mapping[str, Trajectory]) -> Array:
+        """Return how far two robots are apart in floors, shape (gaits, 1 + angles): marker, then angles.
+
+        The gaits are those of `paths`; infinity where a simulation failed.
+        """
+        angles = [name for name in self.signals if not is_position(name)]
+        rows = []
         for name, path in paths.items():
             other = others[name]
             if path.status != "ok" or other.status != "ok":
-                return math.inf
-            angles = [math.sqrt(square_apart(path, other, s)) for s in self.signals if not is_position(s)]
-            ratios.append(marker_distance(path, other) / self.floors[name])
-            ratios += [angle / self.settings.joint_floor_rad / 3.0 for angle in angles]
-        return max(ratios)
+                rows.append([math.inf] * (1 + len(angles)))
+                continue
+            moved = [math.sqrt(square_apart(path, other, signal)) for signal in angles]
+            floor = 3.0 * self.settings.joint_floor_rad
+            rows.append([marker_distance(path, other) / self.floors[name], *(one / floor for one in moved)])
+        return np.array(rows)
 
 
 def walked_s(gait: Gait, seconds: float, settings: BlindSettings = DEFAULT) -> float:

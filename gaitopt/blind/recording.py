@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,6 +30,8 @@ from gaitopt.simulation.metrics import SPEED, measure
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
 from gaitopt.simulation.tolerances import draw_errors, draw_measurement
+
+Array = NDArray[np.float64]
 
 _LONGEST_NAME = 200
 """A longer name of a gait names no file, bytes: file systems allow 255 with all that is added."""
@@ -63,6 +65,7 @@ class Recording:
         camera: what was drawn for the recordings.
         figures: the robot's numerics and the camera, for the sealed truth.
         seen: of several effects, how far each moves the robot beside the others, in floors; by effect.
+        seen_beside_errors: the same, over how far other small errors move it.
         misfits: what is wrong with trials that do not fit the others.
         speeds: how fast it goes in the baselines that were not recorded, from the nominal pose, m/s.
     """
@@ -72,6 +75,7 @@ class Recording:
     camera: Camera
     figures: Mapping[str, float]
     seen: Mapping[str, float]
+    seen_beside_errors: Mapping[str, float]
     misfits: Mapping[str, Misfit]
     speeds: Mapping[str, float]
 
@@ -144,6 +148,8 @@ def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor:
     others = _without_each(draw) if draw.rows else {}
     numerics = Numerics(fidelity, impratio, errors_seed, draw.kind == "several")
     robots = {label: numerics.robot(factory, one) for label, one in {_CASE: draw, **others}.items()}
+    twins = _twins(factory, numerics, draw)
+    robots |= twins
     futures = {
         label: _walks(factory, robot, poses, misfits if label == _CASE else {}, executor)
         for label, robot in robots.items()
@@ -155,13 +161,15 @@ def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor:
     }
     paths = {label: {n: f.result() for n, f in of_robot.items()} for label, of_robot in futures.items()}
     fitting = {name: path for name, path in paths[_CASE].items() if name not in misfits}
-    gaps = {label: factory.gap({n: paths[label][n] for n in fitting}, fitting) for label in others}
+    apart = {label: factory.floors_apart(fitting, of_robot) for label, of_robot in paths.items()}
+    gaps = {label: float(apart[label].max()) for label in others}
     gap = gaps.pop(_NOTHING, 0.0)
+    beside = _beside_errors({label: apart[label] for label in gaps}, [apart[label] for label in twins])
     camera = Camera(known, fps, noise)
     figures["known"] = float(known)
     speeds = {name: future.result() for name, future in unseen.items()}
     going = {name: speed for name, speed in speeds.items() if math.isfinite(speed)}
-    return Recording(paths[_CASE], gap, camera, figures, gaps, misfits, going)
+    return Recording(paths[_CASE], gap, camera, figures, gaps, beside, misfits, going)
 
 
 def _speed(problem: Problem, robot: Simulator, gait: Gait) -> float:
@@ -169,10 +177,34 @@ def _speed(problem: Problem, robot: Simulator, gait: Gait) -> float:
     return measure(problem, gait, robot.run(gait), Robot.of(robot.models[0]))[SPEED.name]
 
 
+def _twins(factory: CaseFactory, numerics: Numerics, draw: Draw) -> dict[str, Simulator]:
+    """Return robots with the same effects and other small errors, where everything is a little wrong."""
+    if not numerics.everything:
+        return {}
+    seeds = np.random.default_rng(numerics.errors_seed).integers(2**31, size=factory.settings.floor_robots)
+    return {
+        f"twin {number}": replace(numerics, errors_seed=seed).robot(factory, draw)
+        for number, seed in enumerate(seeds.tolist())
+    }
+
+
+def _beside_errors(gaps: Mapping[str, Array], twins: Sequence[Array]) -> dict[str, float]:
+    """Return each gap over how far small errors move the robot, the largest of all gaits and signals.
+
+    Args:
+        gaps: in floors, shape (gaits, signals) each.
+        twins: the same between robots with the same effects.
+    """
+    if not twins:
+        return {}
+    floors = np.maximum(1.0, np.sqrt(np.mean(np.square(twins), axis=0)))
+    return {name: float(np.max(gap / floors)) for name, gap in gaps.items()}
+
+
 def _without_each(draw: Draw) -> dict[str, Draw]:
     """Return the case with nothing planted, and of several effects that without each of them, by its name."""
     without = {_NOTHING: replace(draw, kind="none", planted=(), disturbance=None)}
-    if draw.kind == "several" and len(draw.planted) > 1:
+    if draw.kind == "several":
         for one in draw.planted:
             rest = tuple(other for other in draw.planted if other is not one)
             without[one.hypothesis.effect.name] = replace(draw, planted=rest)

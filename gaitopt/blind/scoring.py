@@ -107,6 +107,7 @@ class Score:
         outside_blamed: disturbances explained by effects of the library.
         pair_both, pair_either: of pairs, both or one named.
         several_named: of several effects, those named among the ones that are visible beside the others.
+        several_named_beside_errors: the same among those that are visible beside small errors, too.
         several_false: causes in a case of several effects that were not planted: mean number.
         misfits_found: trials that do not fit the others, named as such.
         misfits_false: other trials of such cases that were named so.
@@ -131,6 +132,7 @@ class Score:
     pair_both: Estimate
     pair_either: Estimate
     several_named: Estimate
+    several_named_beside_errors: Estimate
     several_false: Estimate
     misfits_found: Estimate
     misfits_false: Estimate
@@ -162,6 +164,7 @@ def score(cases: Sequence[Case], settings: ScoreSettings = ScoreSettings()) -> S
         [c for c in large if c.kind == kind] for kind in ("single", "none", "outside", "pair", "several")
     )
     visible = [(c, name) for c in several for name in c.visible(settings.small_gap)]
+    clear = [(c, name) for c in several for name in c.visible_beside_errors(settings.small_gap)]
     trials = [(c, name) for c in several for name in c.truth.trials]
     found = [c.parameter for c in singles if c.top_right]
     known = [parameter for parameter in found if parameter is not None]
@@ -182,6 +185,7 @@ def score(cases: Sequence[Case], settings: ScoreSettings = ScoreSettings()) -> S
         pair_both=rate(pairs, lambda c: c.in_set, settings),
         pair_either=rate(pairs, lambda c: any(name in c.answer for name in c.planted), settings),
         several_named=rate(visible, lambda pair: pair[1] in pair[0].answer, settings),
+        several_named_beside_errors=rate(clear, lambda pair: pair[1] in pair[0].answer, settings),
         several_false=mean([float(len(c.false_causes)) for c in several], settings),
         misfits_found=rate([t for t in trials if _is_misfit(t)], _is_called_misfit, settings),
         misfits_false=rate([t for t in trials if not _is_misfit(t)], _is_called_misfit, settings),
@@ -293,6 +297,7 @@ def sentences(record: Score) -> list[str]:
         "both of a pair named": record.pair_both,
         "one of a pair named": record.pair_either,
         "of several effects, those named": record.several_named,
+        "of those that are visible beside small errors": record.several_named_beside_errors,
         "trials that do not fit, found": record.misfits_found,
         "trials that fit, called misfits": record.misfits_false,
         "90 % intervals that cover": record.coverage,

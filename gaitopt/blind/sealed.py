@@ -48,6 +48,7 @@ class Truth(BaseModel):
         gap_over_floor: the change by these effects alone, the largest of all trials, in floors.
         figures: what else was drawn.
         seen: of several effects, how far each moves the robot beside the others, in floors; by effect.
+        seen_beside_errors: the same, over how far other small errors move the robot.
         trials: names of the trials.
         misfits: those that do not fit the others, and what is wrong with each.
         speeds_m_s: how fast the robot goes in the baselines that were not recorded, m/s, by their names.
@@ -60,6 +61,7 @@ class Truth(BaseModel):
     gap_over_floor: PlainNumber
     figures: dict[str, PlainNumber] = {}
     seen: dict[str, PlainNumber] = {}
+    seen_beside_errors: dict[str, PlainNumber] = {}
     trials: tuple[str, ...] = ()
     misfits: dict[str, str] = {}
     speeds_m_s: dict[str, PlainNumber] = {}

@@ -37,8 +37,9 @@ def test_each_of_several_effects_is_seen_beside_the_others(arcfold: Problem, tmp
         truth = read_truth(tmp_path / "sealed" / f"{case}.json")
         assert 1 <= len(truth.effects) <= settings.most_effects
         assert truth.gap_over_floor >= settings.smallest
-        several = len(truth.effects) > 1
-        assert set(truth.seen) == ({effect.name for effect in truth.effects} if several else set())
+        assert set(truth.seen) == {effect.name for effect in truth.effects}
+        assert set(truth.seen_beside_errors) == set(truth.seen)
+        assert all(0.0 < moved <= truth.seen[name] for name, moved in truth.seen_beside_errors.items())
         assert truth.trials == tuple(PLAN.gaits)
         assert set(truth.speeds_m_s) == set(arcfold.baselines) - set(PLAN.gaits)
         assert all(0.0 < abs(speed) < 0.2 for speed in truth.speeds_m_s.values())
@@ -90,6 +91,7 @@ def case(named: list[str], misfits: dict[str, float]) -> Case:
         ),
         gap_over_floor=9.0,
         seen={"servo_trim": 8.0, "hinge_friction": 1.0},
+        seen_beside_errors={"servo_trim": 2.0, "hinge_friction": 0.5},
         trials=("4s", "1s", "0.5s"),
         misfits={"1s": "slip"},
     )
@@ -122,6 +124,7 @@ def test_predicted_speeds_are_scored_by_their_intervals() -> None:
 def test_effects_that_cannot_be_seen_need_not_be_named() -> None:
     record = score([case(["servo_trim"], {"1s": 20.0}), case(["servo_gain"], {"4s": 20.0})])
     assert (record.several_named.value, record.several_named.cases) == (0.5, 2)
+    assert record.several_named_beside_errors.cases == 0, "small errors move the robot half as far"
     assert record.several_false.value == 0.5
     assert (record.misfits_found.value, record.misfits_found.cases) == (0.5, 2)
     assert (record.misfits_false.value, record.misfits_false.cases) == (0.25, 4)
