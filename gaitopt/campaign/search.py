@@ -16,6 +16,7 @@ from gaitopt.core.versions import versions_text
 from gaitopt.effects.active import EffectValues
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
+from gaitopt.optimise.selection import unlike
 from gaitopt.optimise.stages import DEFAULT_METHOD
 from gaitopt.optimise.study import Study
 from gaitopt.optimise.verification import evenly
@@ -65,15 +66,22 @@ class Search:
         stage = _stage(on_progress, "searching a gait for all robots")
         budget = round(shares.robust * self.budget)
         entries = self._searched(robust, scenarios, budget, list(known.values()), 0, executor, stage)
-        best = _distinct(entries, shares.kept)
+        leading = self._unlike(entries, shares.kept)
+        best = [one.gait for one in leading]
         found = {ROBUST if not rank else f"{ROBUST}-{rank + 1}": gait for rank, gait in enumerate(best)}
         for number, robot in enumerate(evenly(self.robots, shares.own_robots), 1):
             stage = _stage(on_progress, f"searching a gait for robot {number} of {shares.own_robots}")
             scenario = own_scenarios(self.problem, [robot], self.seed + number, 1, errors=False)
             starts, budget = [*best, *known.values()], round(shares.own * self.budget)
             own = self._searched(self.problem, scenario, budget, starts, number, executor, stage)
-            found |= {f"robot-{number}": gait for gait in _distinct(own, 1)}
+            leading += (fresh := self._unlike(own, 1, leading))
+            found |= {f"robot-{number}": one.gait for one in fresh}
         return found
+
+    def _unlike(self, entries: Sequence[Entry], count: int, before: Sequence[Entry] = ()) -> list[Entry]:
+        """Return the gaits of lowest cost that did not fail: near copies of one gait tell nothing new."""
+        good = [one for one in ranked(at_rung(entries)) if one.evaluation.status == "ok"]
+        return unlike(good, count, self.problem.space, before)
 
     def _searched(
         self,
@@ -100,12 +108,6 @@ class Search:
         study = Study(evaluator, journal, max(1, gaits), seed, on_progress, self.settings.search.study)
         study.run(DEFAULT_METHOD, planned=starts)
         return study.entries
-
-
-def _distinct(entries: Sequence[Entry], count: int) -> list[Gait]:
-    """Return the gaits of lowest cost that did not fail."""
-    good = [one for one in ranked(at_rung(entries)) if one.evaluation.status == "ok"]
-    return list({one.gait.key: one.gait for one in good[: 4 * count]}.values())[:count]
 
 
 def _stage(on_progress: OnProgress, stage: str) -> OnProgress:

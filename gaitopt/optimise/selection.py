@@ -66,6 +66,25 @@ class Finalists:
     others: Sequence[Finalist] = ()
 
 
+def unlike(
+    entries: Sequence[Entry], count: int, space: GaitSpace, before: Sequence[Entry] = ()
+) -> list[Entry]:
+    """Return the first evaluations whose gaits are unlike each other.
+
+    Args:
+        entries: the evaluations, the best first.
+        count: how many, at most.
+        space: the gait space.
+        before: evaluations that all of them are unlike, too.
+    """
+    found: list[Entry] = []
+    for entry in entries:
+        apart = (distance(entry.point, one.point, space.circular) for one in (*before, *found))
+        if len(found) < count and all(far > _UNLIKE for far in apart):
+            found.append(entry)
+    return found
+
+
 def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int, space: GaitSpace) -> Finalists:
     """Return the gaits of a search that may win.
 
@@ -86,12 +105,7 @@ def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int, spa
     if starts:
         baseline = min(starts, key=lambda start: start.cost).gait
         leaders.append(Finalist(baseline, baseline.name))
-    others: list[Entry] = []
-    for entry in good[count:]:
-        if len(others) < count and all(
-            distance(entry.point, one.point, space.circular) > _UNLIKE for one in (*good[:count], *others)
-        ):
-            others.append(entry)
+    others = unlike(good[count:], count, space, good[:count])
     return Finalists(leaders, [Finalist(entry.gait, entry.method) for entry in others])
 
 
