@@ -11,8 +11,9 @@ from gaitopt.optimise.study import StudySettings
 class SearchShares:
     """What a step spends the budget of gaits on.
 
-    A gait costs as many rollouts as there are robots to judge it. With a budget of 160 these shares are
-    some 900 rollouts, of which half are for the robust gait.
+    A gait costs as many rollouts as there are robots to judge it. So few robots judge many gaits: with
+    six robots and 80 gaits a search ended at 39 mm/s where with two and 280 it reached 64. The gaits that are
+    found then walk on all robots, before one is chosen.
 
     Attributes:
         robots: robots of the posterior that judge each gait of the robust search.
@@ -23,10 +24,10 @@ class SearchShares:
         study: how the searches work.
     """
 
-    robots: int = 6
-    robust: float = 0.5
-    own_robots: int = 4
-    own: float = 0.25
+    robots: int = 2
+    robust: float = 0.8
+    own_robots: int = 1
+    own: float = 0.2
     kept: int = 3
     study: StudySettings = field(default_factory=StudySettings)
 
@@ -73,7 +74,6 @@ class CampaignSettings:
     """How a campaign works.
 
     Attributes:
-        nominal: gaits of the search on the nominal robot, in budgets: nothing is diagnosed in that step.
         robots: robots of the posterior over which each candidate is predicted.
         most_breaking: a gait is filmed only if it breaks a limit that guards the robot on at most this share
             of them.
@@ -85,7 +85,6 @@ class CampaignSettings:
         belief: what is expected where nothing was filmed.
     """
 
-    nominal: float = 2.0
     robots: int = 20
     most_breaking: float = 0.1
     prior_effects: tuple[int, int] = (1, 2)

@@ -78,11 +78,10 @@ class StepWork:
         if (run / RUN_FILE).is_file():
             optimise(resume=run, executor=self.executor, on_progress=self.on_progress)
         else:
-            budget, seed = max(1, round(self.settings.nominal * request.budget)), request.seed
             optimise(
                 problem,
-                budget=budget,
-                seed=seed,
+                budget=request.budget,
+                seed=request.seed,
                 out=run,
                 executor=self.executor,
                 on_progress=self.on_progress,

@@ -316,7 +316,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--problem", default="arcfold")
     parser.add_argument("--films", type=int, default=5)
-    parser.add_argument("--budget", type=int, default=160)
+    parser.add_argument("--budget", type=int, default=320)
     parser.add_argument("--truth", type=int, default=200, help="gaits of the search on the true robot")
     parser.add_argument("--filmed", action="store_true", help="through films of a synthetic phone")
     parser.add_argument("--workers", type=int, default=1)

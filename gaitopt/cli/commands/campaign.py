@@ -23,12 +23,8 @@ def add_new_options(parser: Parser) -> None:
     add = parser.add_argument
     about = "folder of the campaign; the same one again goes on"
     add("--out", type=Path, metavar="DIR", required=True, help=about)
-    add(
-        "--budget",
-        type=int,
-        metavar="N",
-        help="gaits of the searches of each step, twice as many on the nominal robot (default: 160)",
-    )
+    about = "gaits of the searches of each step (default: 320)"
+    add("--budget", type=int, metavar="N", help=about)
     add_seed(parser)
     add("--player", metavar="FORMAT", help="format of the players (default: micropython; see export)")
     about = "share of the robots that may be slower than a gait's speed says (default: their mean counts)"
