@@ -18,6 +18,18 @@ _LARGEST = 1.0
 """A gait that drifts more than it walks forward is no better known by how much more."""
 
 
+def within(drifts: Array | float, limit: float, error: Array | float) -> Array:
+    """Return the probability that drifts keep a limit on their size.
+
+    Args:
+        drifts: the drifts as they are predicted.
+        limit: largest size allowed.
+        error: standard deviation of the predictions' normal error.
+    """
+    above, below = stats.norm.cdf((limit - drifts) / error), stats.norm.cdf((-limit - drifts) / error)
+    return np.asarray(above - below, dtype=float)
+
+
 def chances(
     walked: Walked, weights: Array, points: Array, drifts: Filmed, limit: float, settings: BeliefSettings
 ) -> Array:
@@ -42,9 +54,6 @@ def chances(
     filmed = replace(drifts, speeds=np.clip(drifts.speeds, -_LARGEST, _LARGEST))
     belief = Belief.of(ratios, points, filmed, settings.drift, settings)
     spread = np.sqrt(np.maximum(np.diag(belief.unknown), 1e-12))
-    within = stats.norm.cdf((limit - belief.robots) / spread) - stats.norm.cdf(
-        (-limit - belief.robots) / spread
-    )
     both = weights * belief.weights
     both = both / both.sum() if both.sum() > 0.0 else weights
-    return np.asarray(both @ (kept * within), dtype=float)
+    return np.asarray(both @ (kept * within(belief.robots, limit, spread)), dtype=float)

@@ -6,8 +6,10 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
+from gaitopt.campaign.merit import merit
 from gaitopt.campaign.robots import evaluator_on, judged_by_shares, own_scenarios
 from gaitopt.campaign.settings import CampaignSettings
 from gaitopt.core.progress import OnProgress
@@ -60,23 +62,22 @@ class Search:
             executor: where the rollouts run.
             on_progress: called as each batch ends.
         """
-        shares = self.settings.search
-        robust = judged_by_shares(self.problem, self.settings.most_breaking, self.quantile)
-        scenarios = own_scenarios(self.problem, self.robots, self.seed, shares.robots, errors=False)
-        stage = _stage(on_progress, "searching a gait for all robots")
-        budget = round(shares.robust * self.budget)
-        entries = self._searched(robust, scenarios, budget, list(known.values()), 0, executor, stage)
-        leading = self._unlike(entries, shares.kept)
-        best = [one.gait for one in leading]
-        found = {ROBUST if not rank else f"{ROBUST}-{rank + 1}": gait for rank, gait in enumerate(best)}
+        shares, starts = self.settings.search, list(known.values())
+        alone: list[Entry] = []
         for number, robot in enumerate(evenly(self.robots, shares.own_robots), 1):
             stage = _stage(on_progress, f"searching a gait for robot {number} of {shares.own_robots}")
             scenario = own_scenarios(self.problem, [robot], self.seed + number, 1, errors=False)
-            starts, budget = [*best, *known.values()], round(shares.own * self.budget)
+            budget = round(shares.own * self.budget)
             own = self._searched(self.problem, scenario, budget, starts, number, executor, stage)
-            leading += (fresh := self._unlike(own, 1, leading))
-            found |= {f"robot-{number}": one.gait for one in fresh}
-        return found
+            alone += self._unlike(own, 1, alone)
+        robust = judged_by_shares(self.problem, self.settings.most_breaking, self.quantile)
+        scenarios = own_scenarios(self.problem, self.robots, self.seed, shares.robots, errors=False)
+        stage = _stage(on_progress, "searching a gait for all robots")
+        starts, budget = [*(one.gait for one in alone), *starts], round(shares.robust * self.budget)
+        entries = self._searched(robust, scenarios, budget, starts, 0, executor, stage)
+        together = self._unlike(entries, shares.kept)
+        found = {f"{ROBUST}-{rank}" if rank > 1 else ROBUST: one.gait for rank, one in enumerate(together, 1)}
+        return found | {f"robot-{number}": one.gait for number, one in enumerate(alone, 1)}
 
     def _unlike(self, entries: Sequence[Entry], count: int, before: Sequence[Entry] = ()) -> list[Entry]:
         """Return the gaits of lowest cost that did not fail: near copies of one gait tell nothing new."""
@@ -98,8 +99,11 @@ class Search:
         What is known of the robot may have changed much since a gait was found. So the batch near them counts
         as much as the gaits themselves, which come on top of the budget.
         """
+        error = self.settings.belief.drift
         evaluator = evaluator_on(problem, scenarios, executor, problem.objective.search_margin)
-        key = repr((versions_text(), evaluator.setup.key, budget, self.seed, [one.key for one in starts]))
+        evaluator = replace(evaluator, judge=partial(merit, error=error))
+        asked = budget, self.seed, error, [one.key for one in starts]
+        key = repr((versions_text(), evaluator.setup.key, *asked))
         digest = hashlib.sha256(key.encode()).hexdigest()
         path = self.folder / f"search-{number}-{digest[:8]}.csv"  # another version begins another journal
         journal = Journal(path, problem, digest)

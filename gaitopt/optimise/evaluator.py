@@ -96,6 +96,15 @@ def assess_all(
         raise GaitoptError("--executor: the connection to its workers was lost") from None
 
 
+def judge(problem: Problem, outcomes: Sequence[Outcome], margin: float = 0.0) -> Evaluation:
+    """Return the evaluation of one gait from its outcomes, every limit tightened by `margin`."""
+    return evaluate(problem, [o.metrics for o in outcomes], [o.status for o in outcomes], margin)
+
+
+Judge = Callable[[Problem, Sequence[Outcome], float], Evaluation]
+"""From the outcomes of one gait to its evaluation, every limit tightened by a share."""
+
+
 @dataclass(frozen=True)
 class Evaluator:
     """Judges gaits with one setup, on an executor.
@@ -106,6 +115,7 @@ class Evaluator:
         margin: share by which every limit is tightened (see `Objective.search_margin`).
         raced_on: share of a population that `race` simulates in every scenario.
         on_done: called after each gait in each scenario.
+        judge: what makes an evaluation of outcomes; by default the problem's objective.
     """
 
     setup: RobotSetup
@@ -113,6 +123,7 @@ class Evaluator:
     margin: float = 0.0
     raced_on: float = RACED_ON
     on_done: Callable[[], object] = _nothing
+    judge: Judge = judge
 
     def outcomes(self, gaits: Sequence[Gait], scenarios: Sequence[int] | None = None) -> list[list[Outcome]]:
         """Return the outcome of each gait in each scenario, in the given order.
@@ -131,7 +142,10 @@ class Evaluator:
 
     def __call__(self, gaits: Sequence[Gait]) -> list[Evaluated]:
         """Return evaluation and outcomes of each gait, in the given order."""
-        return [Evaluated(judge(self.setup.problem, row, self.margin), row) for row in self.outcomes(gaits)]
+        return [Evaluated(self._judged(row), row) for row in self.outcomes(gaits)]
+
+    def _judged(self, row: Sequence[Outcome]) -> Evaluation:
+        return self.judge(self.setup.problem, row, self.margin)
 
     def race(self, gaits: Sequence[Gait]) -> list[Evaluated]:
         """Return evaluation and outcomes of each gait; the worst in the first scenario are dropped after it.
@@ -142,13 +156,13 @@ class Evaluator:
         count = len(self.setup.scenarios)
         if count == 1:
             return self(gaits)
-        problem, first = self.setup.problem, self.outcomes(gaits, [0])
-        alone = [judge(problem, row, self.margin) for row in first]
+        first = self.outcomes(gaits, [0])
+        alone = [self._judged(row) for row in first]
         ranked = sorted(range(len(gaits)), key=lambda i: (alone[i].cost, i))
         kept = sorted(ranked[: math.ceil(self.raced_on * len(gaits))])
         rest = self.outcomes([gaits[i] for i in kept], range(1, count))
         rows = {i: first[i] + others for i, others in zip(kept, rest, strict=True)}
-        judged = {i: judge(problem, row, self.margin) for i, row in rows.items()}
+        judged = {i: self._judged(row) for i, row in rows.items()}
         worst = max((e.cost for e in judged.values() if e.status == "ok"), default=-math.inf)
         return [
             Evaluated(judged[i], rows[i])
@@ -169,8 +183,3 @@ def _dropped(evaluation: Evaluation, worst: float, count: int) -> Evaluation:
     return replace(
         evaluation, cost=max(evaluation.cost, worst), status=f"{DROPPED} after 1 of {count} scenarios"
     )
-
-
-def judge(problem: Problem, outcomes: Sequence[Outcome], margin: float = 0.0) -> Evaluation:
-    """Return the evaluation of one gait from its outcomes, every limit tightened by `margin`."""
-    return evaluate(problem, [o.metrics for o in outcomes], [o.status for o in outcomes], margin)

@@ -1,0 +1,46 @@
+"""What the searches of a campaign look for: gaits that are fast, and probably go straight enough.
+
+A limit on the drift is no wall here. Robots predict the drift of a gait only roughly, and a penalty that is
+right for a fast robot is larger than any speed of a slow one. So what a gait earns counts with the chance
+that its film keeps the limit, as it does when the next film is chosen (J. R. Gardner et al., "Bayesian
+Optimization with Inequality Constraints", ICML 2014).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gaitopt.campaign.course import within
+from gaitopt.optimise.evaluator import Outcome, judge
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation.metrics import SIDEWAYS_RATIO, Metrics
+from gaitopt.simulation.objective import Evaluation
+
+
+def merit(problem: Problem, outcomes: Sequence[Outcome], margin: float, error: float) -> Evaluation:
+    """Return the evaluation of a gait in which its terms count with the probability that it goes straight.
+
+    Args:
+        problem: the problem. Its other limits are judged as it says, by their penalty.
+        outcomes: the gait on each robot.
+        margin: share by which the other limits are tightened.
+        error: standard deviation of what a predicted drift, sideways over forward travel, is off.
+    """
+    judged, objective = judge(problem, outcomes, margin), problem.objective
+    limit = objective.constraints.get(SIDEWAYS_RATIO)
+    if judged.status != "ok" or limit is None or limit.max is None:
+        return judged
+    costs = [_cost(objective.terms, one.metrics, limit.max, error) for one in outcomes]
+    worse = objective.worse_share
+    cost = float(np.mean(costs) if worse is None else np.quantile(costs, 1.0 - worse))
+    others = sum(size for name, size in judged.violations.items() if name != SIDEWAYS_RATIO)
+    return replace(judged, cost=cost + objective.penalty * others)
+
+
+def _cost(terms: Mapping[str, float], row: Metrics, limit: float, error: float) -> float:
+    """Return the weighted sum of the metrics; what it earns counts with the probability of going straight."""
+    cost = sum(weight * row[name] for name, weight in terms.items())
+    return cost * float(within(row[SIDEWAYS_RATIO], limit, error)) if cost < 0.0 else cost
