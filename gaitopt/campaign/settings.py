@@ -11,23 +11,22 @@ from gaitopt.optimise.study import StudySettings
 class SearchShares:
     """What a step spends the budget of gaits on.
 
-    A gait costs as many rollouts as there are robots to judge it. So few robots judge many gaits: with
-    six robots and 80 gaits a search ended at 39 mm/s where with two and 280 it reached 64. The gaits that are
-    found then walk on all robots, before one is chosen.
+    A gait costs as many rollouts as there are robots to judge it. A search on one robot is cheap, and its end
+    depends much on chance. So there are several of these, and the robust one sets out from what they found.
 
     Attributes:
-        robots: robots of the posterior that judge each gait of the robust search.
-        robust: share of the budget for the robust search.
         own_robots: robots of the posterior that a gait of its own is searched for.
         own: share of the budget for each of these searches; a gait there costs one rollout.
+        robots: robots of the posterior that judge each gait of the robust search.
+        robust: share of the budget for the robust search.
         kept: best gaits of the robust search that are candidates.
         study: how the searches work.
     """
 
-    robots: int = 2
-    robust: float = 0.8
-    own_robots: int = 1
-    own: float = 0.2
+    own_robots: int = 3
+    own: float = 0.25
+    robots: int = 3
+    robust: float = 0.25
     kept: int = 3
     study: StudySettings = field(default_factory=StudySettings)
 

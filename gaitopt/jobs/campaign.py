@@ -95,7 +95,7 @@ class Campaign:
             problem: the nominal robot.
             out: a new or an empty folder, or that of the same campaign, which goes on.
             seed: seed of all randomness.
-            budget: gaits of the searches of each step; 320 by default.
+            budget: gaits of the searches of each step; 400 by default.
             player: format of the players (see `gaitopt export`); ``micropython`` by default.
             quantile: share of the robots that may be slower than a gait's speed says, 0 to 0.5; by default as
                 the problem file says, the mean.

@@ -57,7 +57,7 @@ class Request(Record):
     """
 
     seed: int = Field(default=1, ge=0)
-    budget: int = Field(default=320, ge=1, le=10**6)
+    budget: int = Field(default=400, ge=1, le=10**6)
     player: str = "micropython"
     quantile: float | None = Field(default=None, ge=0.0, le=0.5)
 

@@ -23,7 +23,7 @@ def add_new_options(parser: Parser) -> None:
     add = parser.add_argument
     about = "folder of the campaign; the same one again goes on"
     add("--out", type=Path, metavar="DIR", required=True, help=about)
-    about = "gaits of the searches of each step (default: 320)"
+    about = "gaits of the searches of each step (default: 400)"
     add("--budget", type=int, metavar="N", help=about)
     add_seed(parser)
     add("--player", metavar="FORMAT", help="format of the players (default: micropython; see export)")
