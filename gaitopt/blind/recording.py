@@ -161,7 +161,10 @@ def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor:
     }
     paths = {label: {n: f.result() for n, f in of_robot.items()} for label, of_robot in futures.items()}
     fitting = {name: path for name, path in paths[_CASE].items() if name not in misfits}
-    apart = {label: factory.floors_apart(fitting, of_robot) for label, of_robot in paths.items()}
+    apart = {
+        label: factory.floors_apart({name: of_robot[name] for name in fitting}, fitting)
+        for label, of_robot in paths.items()
+    }
     gaps = {label: float(apart[label].max()) for label in others}
     gap = gaps.pop(_NOTHING, 0.0)
     beside = _beside_errors({label: apart[label] for label in gaps}, [apart[label] for label in twins])
