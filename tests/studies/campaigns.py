@@ -12,8 +12,7 @@ its robot through the films of a synthetic phone, which are tracked and told as 
 
 WORK keeps what a study that was ended needs to go on.
 
-Cost: about 60 min of one core for a case of ArcFold with five films: 45 for the campaign, 12 for the search
-on the true robot.
+Cost: about 50 min of one core for a case of ArcFold with five films, of which 35 are the campaign's.
 """
 
 from __future__ import annotations
