@@ -164,8 +164,11 @@ def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor:
     apart = {
         label: factory.floors_apart({name: of_robot[name] for name in fitting}, fitting)
         for label, of_robot in paths.items()
+        if label != _CASE
     }
-    gaps = {label: float(apart[label].max()) for label in others}
+    if draw.kind == "several" and len(draw.planted) == 1:  # without the only effect nothing is planted
+        apart[draw.planted[0].hypothesis.effect.name] = apart[_NOTHING]
+    gaps = {label: float(one.max()) for label, one in apart.items() if label not in twins}
     gap = gaps.pop(_NOTHING, 0.0)
     beside = _beside_errors({label: apart[label] for label in gaps}, [apart[label] for label in twins])
     camera = Camera(known, fps, noise)
@@ -207,7 +210,7 @@ def _beside_errors(gaps: Mapping[str, Array], twins: Sequence[Array]) -> dict[st
 def _without_each(draw: Draw) -> dict[str, Draw]:
     """Return the case with nothing planted, and of several effects that without each of them, by its name."""
     without = {_NOTHING: replace(draw, kind="none", planted=(), disturbance=None)}
-    if draw.kind == "several":
+    if draw.kind == "several" and len(draw.planted) > 1:
         for one in draw.planted:
             rest = tuple(other for other in draw.planted if other is not one)
             without[one.hypothesis.effect.name] = replace(draw, planted=rest)

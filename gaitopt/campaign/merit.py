@@ -8,16 +8,17 @@ Optimization with Inequality Constraints", ICML 2014).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from gaitopt.campaign.course import within
 from gaitopt.optimise.evaluator import Outcome, judge
+from gaitopt.problem.objective import Objective
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import SIDEWAYS_RATIO, Metrics
-from gaitopt.simulation.objective import Evaluation
+from gaitopt.simulation.objective import Evaluation, exceeded
 
 
 def merit(problem: Problem, outcomes: Sequence[Outcome], margin: float, error: float) -> Evaluation:
@@ -33,14 +34,14 @@ def merit(problem: Problem, outcomes: Sequence[Outcome], margin: float, error: f
     limit = objective.constraints.get(SIDEWAYS_RATIO)
     if judged.status != "ok" or limit is None or limit.max is None:
         return judged
-    costs = [_cost(objective.terms, one.metrics, limit.max, error) for one in outcomes]
+    costs = [_cost(objective, one.metrics, limit.max, error) for one in outcomes]
     worse = objective.worse_share
-    cost = float(np.mean(costs) if worse is None else np.quantile(costs, 1.0 - worse))
+    cost = float(np.mean(costs)) if worse is None else exceeded(costs, worse)
     others = sum(size for name, size in judged.violations.items() if name != SIDEWAYS_RATIO)
     return replace(judged, cost=cost + objective.penalty * others)
 
 
-def _cost(terms: Mapping[str, float], row: Metrics, limit: float, error: float) -> float:
+def _cost(objective: Objective, row: Metrics, limit: float, error: float) -> float:
     """Return the weighted sum of the metrics; what it earns counts with the probability of going straight."""
-    cost = sum(weight * row[name] for name, weight in terms.items())
+    cost = objective.weighted(row)
     return cost * float(within(row[SIDEWAYS_RATIO], limit, error)) if cost < 0.0 else cost

@@ -17,7 +17,7 @@ from gaitopt.core.streams import Stream, generator
 from gaitopt.core.versions import versions_text
 from gaitopt.effects.active import EffectValues
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
+from gaitopt.optimise.journal import Entry, Journal, succeeded
 from gaitopt.optimise.selection import unlike
 from gaitopt.optimise.stages import DEFAULT_METHOD
 from gaitopt.optimise.study import Study
@@ -81,8 +81,7 @@ class Search:
 
     def _unlike(self, entries: Sequence[Entry], count: int, before: Sequence[Entry] = ()) -> list[Entry]:
         """Return the gaits of lowest cost that did not fail: near copies of one gait tell nothing new."""
-        good = [one for one in ranked(at_rung(entries)) if one.evaluation.status == "ok"]
-        return unlike(good, count, self.problem.space, before)
+        return unlike(succeeded(entries), count, self.problem.space, before)
 
     def _searched(
         self,

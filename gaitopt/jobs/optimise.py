@@ -18,7 +18,7 @@ from gaitopt.jobs.executor import check_executor, opened
 from gaitopt.jobs.inputs import checked_seed, over_posterior
 from gaitopt.jobs.outputs import Out, Stopped, out_folder
 from gaitopt.optimise import run as search
-from gaitopt.optimise.journal import Entry, Journal, at_rung, ranked
+from gaitopt.optimise.journal import Entry, Journal, succeeded
 from gaitopt.optimise.run import DEFAULT_BUDGET, Optimised, Request
 from gaitopt.optimise.sensitivity import SENSITIVITIES, sensitivities
 from gaitopt.optimise.stages import DEFAULT_METHOD, method_of
@@ -290,7 +290,7 @@ def _stoppable(folder: RunFolder, problem: Problem) -> Iterator[None]:
         if not folder.started:
             raise
         entries = folder.open_journal(problem).entries
-        walking = [entry for entry in ranked(at_rung(entries)) if entry.evaluation.status == "ok"]
+        walking = succeeded(entries)
         best = walking[0].evaluation.metrics["speed_m_s"] if walking else None
         found = "none that walks" if best is None else f"{1e3 * best:.1f} mm/s"
         raise Stopped(f"{len(entries)} gaits, best so far {found}", folder.path) from stop

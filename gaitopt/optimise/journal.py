@@ -68,6 +68,11 @@ def ranked(entries: Iterable[Entry]) -> list[Entry]:
     return sorted(entries, key=lambda entry: (entry.evaluation.cost, entry.index))
 
 
+def succeeded(entries: Iterable[Entry], rung: str = WORKING) -> list[Entry]:
+    """Return the entries of one rung in which no simulation failed, the lowest cost first."""
+    return [entry for entry in ranked(at_rung(entries, rung)) if entry.evaluation.status == "ok"]
+
+
 class Journal:
     """``evaluations.csv``: one row per gait in candidate order, floats that round-trip.
 

@@ -13,7 +13,7 @@ from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.optimise.evaluator import Evaluated, Evaluator, simulated_s
-from gaitopt.optimise.journal import Entry, at_rung, ranked
+from gaitopt.optimise.journal import Entry, succeeded
 from gaitopt.optimise.notes import counted
 from gaitopt.optimise.solvers.surrogate import distance
 from gaitopt.optimise.study import Start
@@ -97,7 +97,7 @@ def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int, spa
     Raises:
         GaitoptError: every gait of the search failed.
     """
-    good = [entry for entry in ranked(at_rung(entries)) if entry.evaluation.status == "ok"]
+    good = succeeded(entries)
     if not good:
         reasons = Counter(entry.evaluation.status for entry in entries)
         raise GaitoptError(f"every one of {len(entries)} gaits failed in simulation: {counted(reasons, 5)}")

@@ -15,7 +15,7 @@ from gaitopt.gait.gait import Gait
 from gaitopt.gait.ties import TiedSpace
 from gaitopt.optimise import pareto
 from gaitopt.optimise.evaluator import Evaluator
-from gaitopt.optimise.journal import WORKING, Entry, Journal, at_rung, ranked
+from gaitopt.optimise.journal import WORKING, Entry, Journal, at_rung, succeeded
 from gaitopt.optimise.ladder import LadderSettings, Rung, descend
 from gaitopt.optimise.quasi_random import near_plan, quasi_random
 from gaitopt.optimise.recorder import Recorder
@@ -254,7 +254,7 @@ class Study:
 
     def _climb(self, method: str) -> None:
         """Judge the best gaits of a lower rung at the working fidelity."""
-        lower = [e for e in ranked(at_rung(self.entries, LOWER)) if e.evaluation.status == "ok"]
+        lower = succeeded(self.entries, LOWER)
         points = [entry.point for entry in lower[: min(self._settings.ladder.climbers, self._left)]]
         if points:
             self._evaluate(method, np.array(points), self.evaluator)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -96,6 +97,11 @@ class Objective(FileRecord):
     def named(self) -> set[str]:
         """The metrics that it names."""
         return {*self.terms, *self.constraints}
+
+    def weighted(self, metrics: Mapping[str, float]) -> float:
+        """Return the weighted sum of the metrics: the cost without any penalty."""
+        cost: float = sum(weight * metrics[name] for name, weight in self.terms.items())
+        return cost
 
     @property
     def worse_share(self) -> float | None:

@@ -99,21 +99,19 @@ def evaluate(
     alone = [mean_metrics([row]) for row in rows]
 
     def over(share: float | None, of: Callable[[Metrics], float]) -> float:
-        return _over([of(row) for row in ([metrics] if share is None else alone)], share)
+        return of(metrics) if share is None else exceeded([of(row) for row in alone], share)
 
     violations = {
         name: over(objective.breaking_share(limit), partial(_violated, name, limit, margin))
         for name, limit in objective.constraints.items()
     }
-    cost = over(objective.worse_share, lambda row: sum(w * row[name] for name, w in objective.terms.items()))
+    cost = over(objective.worse_share, objective.weighted)
     cost += objective.penalty * sum(violations.values())
     return Evaluation(cost if math.isfinite(cost) else FAILED_COST, metrics, violations, "ok")
 
 
-def _over(values: list[float], share: float | None) -> float:
-    """Return the value that this share of the values exceeds; the only value where there is no share."""
-    if share is None:
-        return values[0]
+def exceeded(values: Sequence[float], share: float) -> float:
+    """Return the value that this share of the values exceeds."""
     with np.errstate(invalid="ignore"):  # of an infinite cost and a finite one
         return float(np.quantile(values, 1.0 - share)) if share else max(values)
 
