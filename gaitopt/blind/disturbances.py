@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.effects.active import RobotEffects
-from gaitopt.effects.effect import LOOP_INTERVAL_S, Update
+from gaitopt.effects.effect import Update, loop_interval_s
 from gaitopt.effects.library.friction import Friction
 from gaitopt.effects.parts import Parts
 from gaitopt.robot.signals import MARKER
@@ -62,12 +62,12 @@ class Disturbed(RobotEffects):
         if self.disturbance is None or self.simulator is None:
             return updates
         act = self.disturbance.act(model, self.simulator, dict(self.figures))
-        calls = 0
+        calls, interval = 0, loop_interval_s(float(model.opt.timestep))
 
         def update(sensed: Array) -> None:
             nonlocal calls
             calls += 1
-            act(sensed, calls * LOOP_INTERVAL_S)
+            act(sensed, calls * interval)
 
         return [*updates, update]
 

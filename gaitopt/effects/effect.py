@@ -6,7 +6,7 @@ An effect acts through one or two of these hooks. Each is for one kind of mechan
   compiled;
 - ``model`` edits fields of the compiled `mujoco.MjModel`;
 - ``commands`` changes what arrives at the servos;
-- ``loop`` edits fields of the model while it runs, from sensors, every `LOOP_INTERVAL_S`;
+- ``loop`` edits fields of the model while it runs, from sensors, every `loop_steps`;
 - ``observe`` changes what is measured.
 
 Every hook finds what it acts on through `Parts`: roles, actuators and axes, never names.
@@ -29,8 +29,8 @@ from gaitopt.gait.drive import Commands
 from gaitopt.robot.roles import Roles
 from gaitopt.robot.trajectory import Trajectory
 
-LOOP_INTERVAL_S = 2e-3
-"""Time between two calls of a ``loop``; one step where steps are longer.
+_LOOP_S = 2e-3
+"""About the time between two calls of a ``loop``.
 
 It is far below the times that loops stand for: a supply's bulk capacitor and a servo's 20 ms frame, a
 pad's slip of a tenth of a second.
@@ -53,6 +53,24 @@ Loop = Callable[[Parts, float], Update]
 
 Observe = Callable[[Trajectory, float, Parts, np.random.Generator], Trajectory]
 """Called with what happened, the parameter's value and the robot's parts; returns what is measured."""
+
+
+def loop_steps(step_s: float) -> int:
+    """Return how many steps lie between two calls of a ``loop``.
+
+    Args:
+        step_s: length of a step, s.
+    """
+    return max(1, round(_LOOP_S / step_s))
+
+
+def loop_interval_s(step_s: float) -> float:
+    """Return the time between two calls of a ``loop``, s.
+
+    Args:
+        step_s: length of a step, s.
+    """
+    return loop_steps(step_s) * step_s
 
 
 @dataclass(frozen=True)

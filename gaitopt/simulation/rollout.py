@@ -17,7 +17,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import seeded
 from gaitopt.effects.active import RobotEffects
 from gaitopt.effects.added import control_columns
-from gaitopt.effects.effect import LOOP_INTERVAL_S
+from gaitopt.effects.effect import loop_steps
 from gaitopt.gait.drive import Commands, Drive
 from gaitopt.problem.instruments import CONTACTS_WITHIN, build_instrumented
 from gaitopt.problem.model import with_fidelity
@@ -240,7 +240,7 @@ class Simulator:
         out = {"sensordata": sensed}
         if poses:
             out["qpos"] = np.empty((steps, model.nq))
-        chunk = max(1, round(LOOP_INTERVAL_S / self.fidelity.timestep_s)) if updates else settings.chunk
+        chunk = loop_steps(self.fidelity.timestep_s) if updates else settings.chunk
         stepper = OneByOne(model, batch, ctrl, out) if updates else Together(batch, ctrl, out)
         allowed = settings.most_work * workspace.resting_work * steps
         budget = WorkBudget(allowed, chunk, settings.count_every, model.nv)

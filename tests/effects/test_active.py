@@ -16,6 +16,7 @@ from helpers import STRIDER, problem_folder, same_bits, still
 from gaitopt.core.errors import GaitoptError
 from gaitopt.effects import Effect
 from gaitopt.effects.active import Values
+from gaitopt.effects.effect import loop_interval_s, loop_steps
 from gaitopt.effects.parts import Parts
 from gaitopt.optimise.evaluator import assess
 from gaitopt.problem.model import nominal_mjcf
@@ -226,3 +227,24 @@ def test_an_effect_that_a_model_cannot_have_is_one_line(tmp_path: Path) -> None:
         GaitoptError, match=r"effects\.servo_sag: not applicable: a servo has no torque limit"
     ):
         Simulator.build(problem)
+
+
+@pytest.mark.parametrize(("step_s", "steps"), [(2e-4, 10), (3e-4, 7), (1e-3, 2), (5e-3, 1)])
+def test_a_loop_knows_the_time_between_two_calls(step_s: float, steps: int) -> None:
+    """Long steps and odd ones do not let its time constants grow."""
+    assert loop_steps(step_s) == steps
+    assert loop_interval_s(step_s) == pytest.approx(steps * step_s)
+
+
+@pytest.mark.parametrize("step_s", [1e-3, 5e-3])
+def test_a_supply_sags_as_fast_at_any_timestep(arcfold: Problem, step_s: float) -> None:
+    """After three of its time constants (10 ms) all but a twentieth of the torque is lost that will be."""
+    sagging = arcfold.with_effects({"servo_sag": {"share_lost": 0.4}})
+    robot = Simulator.build(sagging, fidelity=arcfold.simulation.working.scaled(1e3 * step_s))
+    model = robot.models[0]
+    whole = model.actuator_forcerange[:3, 1].copy()
+    (update,) = robot.effects.updates(model)
+    for _ in range(round(0.03 / loop_interval_s(step_s))):
+        update(np.full(model.nsensordata, 1e3))  # every servo stalls
+    lost = 1.0 - model.actuator_forcerange[:3, 1] / whole
+    assert lost == pytest.approx(0.4 * (1.0 - math.exp(-3.0)), rel=0.06)

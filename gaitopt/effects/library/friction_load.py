@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitopt.effects.effect import LOOP_INTERVAL_S, Effect, Update
+from gaitopt.effects.effect import Effect, Update, loop_interval_s
 from gaitopt.effects.library.friction import Friction, without_say
 from gaitopt.effects.library.ground_loads import load_addresses, sense_loads
 from gaitopt.effects.parts import Parts
@@ -58,12 +58,13 @@ def _loaded(parts: Parts, exponent: float) -> Update:
     mean = _mean_load(parts, addresses)
     least = _LOADED * parts.weight
     loads = [0.0] * len(geoms)
+    share_new = min(1.0, loop_interval_s(parts.step_s) / _LOAD_S)
 
     def update(sensed: NDArray[np.float64]) -> None:
         for index, pressed in enumerate((sensed[forces] @ up).tolist()):
             if pressed == loads[index] == 0.0:
                 continue
-            weight = LOOP_INTERVAL_S / _LOAD_S if loads[index] > least else 1.0
+            weight = share_new if loads[index] > least else 1.0
             loads[index] -= weight * (pressed + loads[index])
             if loads[index] > least:
                 factor = (loads[index] / mean) ** -exponent

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.core.streams import GRIP_VARIATION_SEED, Stream, generator
-from gaitopt.effects.effect import LOOP_INTERVAL_S, Effect, Update
+from gaitopt.effects.effect import Effect, Update, loop_interval_s
 from gaitopt.effects.library.friction import Friction, pads_without_say
 from gaitopt.effects.library.ground_loads import load_addresses, sense_pads
 from gaitopt.effects.parts import Parts
@@ -34,12 +34,13 @@ def _gripping(parts: Parts, relative_sd: float) -> Update:
     down, least = -parts.axes[2], _LOADED * parts.weight
     variance = math.log1p(relative_sd**2)
     draws = [generator(GRIP_VARIATION_SEED, Stream.GRIP_VARIATION, pad) for pad in range(len(parts.pads))]
+    interval = loop_interval_s(parts.step_s)
     free_s = [math.inf] * len(parts.pads)
 
     def update(sensed: NDArray[np.float64]) -> None:
         for pad, load in enumerate((sensed[forces] @ down).tolist()):
             if load <= least:
-                free_s[pad] += LOOP_INTERVAL_S
+                free_s[pad] += interval
                 continue
             if free_s[pad] > _FREE_S:
                 normal = float(draws[pad].standard_normal())

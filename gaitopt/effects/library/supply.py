@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.effects.added import added_name
-from gaitopt.effects.effect import LOOP_INTERVAL_S, Effect, Update
+from gaitopt.effects.effect import Effect, Update, loop_interval_s
 from gaitopt.effects.library.servo import torque_limit
 from gaitopt.effects.library.servo_deadband import net_torque_limits
 from gaitopt.effects.parts import Parts
@@ -49,11 +49,12 @@ def _sag(parts: Parts, share: float) -> Update:
     limits = net_torque_limits(model)[: len(names)]
     lost = share * limits[servos, None] * (-1.0, 1.0)
     available, drawn = float(limits.sum()), 0.0
+    share_new = min(1.0, loop_interval_s(parts.step_s) / _SUPPLY_S)
 
     def update(sensed: NDArray[np.float64]) -> None:
         nonlocal drawn
         now = min(1.0, sum(abs(sensed.item(address)) for address in addresses) / available)
-        drawn += LOOP_INTERVAL_S / _SUPPLY_S * (now - drawn)
+        drawn += share_new * (now - drawn)
         model.actuator_forcerange[servos] = ranges - drawn * lost
 
     return update
