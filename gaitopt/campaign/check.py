@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -36,6 +36,11 @@ _NEAR = 0.3
 def same_gait(space: GaitSpace, one: Gait, other: Gait) -> bool:
     """Return whether two gaits command the same."""
     return one.key == other.key or _apart(space, one, other) < _ALIKE
+
+
+def film_of(space: GaitSpace, gait: Gait, films: Mapping[int, Gait]) -> int | None:
+    """Return the number of the film of a gait, among the gaits of films by number; None where it has none."""
+    return next((film for film, own in films.items() if same_gait(space, own, gait)), None)
 
 
 def wrong_recording(

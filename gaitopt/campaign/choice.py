@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gaitopt.campaign.belief import Belief, Filmed, assumed_m_s
+from gaitopt.campaign.check import film_of
 from gaitopt.campaign.course import chances
 from gaitopt.campaign.records import LEARN, WALK, Candidate, FilmRow, Speed, Step
 from gaitopt.campaign.robots import Walked
@@ -25,7 +26,7 @@ class Known:
     Attributes:
         space: the gait space.
         gaits: the candidates by name.
-        films: number of the film of each gait that was proposed, by the gait's key.
+        films: the gaits that were proposed, by the number of their film.
         walked: the candidates on the posterior's robots.
         rows: what each film says.
         measured: the speeds of the films; None before any.
@@ -37,7 +38,7 @@ class Known:
 
     space: GaitSpace
     gaits: Mapping[str, Gait]
-    films: Mapping[str, int]
+    films: Mapping[int, Gait]
     walked: Walked
     rows: Sequence[FilmRow]
     measured: Measured | None
@@ -63,7 +64,7 @@ def choose(known: Known, recordings: int, settings: CampaignSettings) -> Step:
         settings: see `CampaignSettings`.
     """
     gaits, measured = list(known.gaits.values()), known.measured
-    numbers = [known.films.get(gait.key) for gait in gaits]
+    numbers = [film_of(known.space, gait, known.films) for gait in gaits]
     points = embedded(np.array([known.space.encode(gait) for gait in gaits]), known.space.circular)
     counts, noise = (measured.counts, measured.repeatability_m_s) if measured else ({}, 0.0)
     filmed = _filmed(numbers, measured.means if measured else {}, counts, noise)

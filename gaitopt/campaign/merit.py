@@ -8,6 +8,7 @@ Optimization with Inequality Constraints", ICML 2014).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -17,8 +18,8 @@ from gaitopt.campaign.course import within
 from gaitopt.optimise.evaluator import Outcome, judge
 from gaitopt.problem.objective import Objective
 from gaitopt.problem.problem import Problem
-from gaitopt.simulation.metrics import SIDEWAYS_RATIO, Metrics
-from gaitopt.simulation.objective import Evaluation, exceeded
+from gaitopt.simulation.metrics import SIDEWAYS_RATIO, Metrics, mean_metrics
+from gaitopt.simulation.objective import FAILED_COST, Evaluation, exceeded
 
 
 def merit(problem: Problem, outcomes: Sequence[Outcome], margin: float, error: float) -> Evaluation:
@@ -38,10 +39,11 @@ def merit(problem: Problem, outcomes: Sequence[Outcome], margin: float, error: f
     worse = objective.worse_share
     cost = float(np.mean(costs)) if worse is None else exceeded(costs, worse)
     others = sum(size for name, size in judged.violations.items() if name != SIDEWAYS_RATIO)
-    return replace(judged, cost=cost + objective.penalty * others)
+    cost += objective.penalty * others
+    return replace(judged, cost=cost if math.isfinite(cost) else FAILED_COST)
 
 
 def _cost(objective: Objective, row: Metrics, limit: float, error: float) -> float:
     """Return the weighted sum of the metrics; what it earns counts with the probability of going straight."""
-    cost = objective.weighted(row)
+    cost = objective.weighted(mean_metrics([row]))
     return cost * float(within(row[SIDEWAYS_RATIO], limit, error)) if cost < 0.0 else cost

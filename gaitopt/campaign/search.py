@@ -66,7 +66,8 @@ class Search:
         alone: list[Entry] = []
         for number, robot in enumerate(evenly(self.robots, shares.own_robots), 1):
             stage = _stage(on_progress, f"searching a gait for robot {number} of {shares.own_robots}")
-            scenario = own_scenarios(self.problem, [robot], self.seed + number, 1, errors=False)
+            pose = int(generator(self.seed, Stream.CAMPAIGN_SEARCH, number, 1).integers(2**31))
+            scenario = own_scenarios(self.problem, [robot], pose, 1, errors=False)
             budget = round(shares.own * self.budget)
             own = self._searched(self.problem, scenario, budget, starts, number, executor, stage)
             alone += self._unlike(own, 1, alone)

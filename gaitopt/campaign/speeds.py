@@ -18,6 +18,9 @@ from gaitopt.robot.signals import MARKER
 _SKIPPED_FROM = 3
 """The first cycle is left out where at least so many are there: the robot starts from rest in it."""
 
+_HALF = 0.5
+"""The last cycle counts where more than this share of it was seen."""
+
 _STILL_M_S = 1e-6
 """A robot that is slower stands still, and drifts as far as one that is so fast."""
 
@@ -29,28 +32,29 @@ class FilmedSpeed:
     Attributes:
         mean_m_s: mean forward speed over whole cycles, m/s.
         error_m_s: standard error of that mean by the spread of the cycles, m/s; NaN for one cycle.
-        cycles: how many cycles count.
     """
 
     mean_m_s: float
     error_m_s: float
-    cycles: int
 
 
 def filmed_speed(trial: Trial, roles: Roles) -> FilmedSpeed:
     """Return the forward speed of a recording of a gait.
 
     Raises:
-        GaitoptError: forward motion was not measured, or for less than two cycles.
+        GaitoptError: forward motion was not measured, or for less than one cycle.
     """
-    return _speed(trial, *_along(_checked(trial), roles, 0))
+    time, travelled = _along(_checked(trial), roles, 0)
+    speed = _speed(trial, time, travelled)
+    if speed is None:
+        raise GaitoptError(f"trial {trial.name}: forward motion: found less than one cycle; allowed: two")
+    return speed
 
 
 def filmed_sideways(trial: Trial, roles: Roles) -> FilmedSpeed | None:
-    """Return the sideways speed of a recording of a gait, left positive; None where it was not measured.
+    """Return the sideways speed of a recording of a gait, left positive.
 
-    Raises:
-        GaitoptError: it was measured for less than two cycles.
+    None where it was not measured, or for less than one cycle.
     """
     if _missing(trial, roles, 1):
         return None
@@ -63,31 +67,30 @@ def _checked(trial: Trial) -> Trial:
     return clean(trial).trial
 
 
-def _speed(trial: Trial, time: Series, travelled: Series) -> FilmedSpeed:
+def _speed(trial: Trial, time: Series, travelled: Series) -> FilmedSpeed | None:
     """Return the speed of a recording from its travel, m, at some times, s.
 
     Each sample is compared with where the robot was one period later, so that what happens within a cycle
-    does not count.
-
-    Raises:
-        GaitoptError: it lasts less than two cycles.
+    does not count. Of a last cycle that ends with the recording, at least half must be there. None where it
+    lasts less than one cycle.
     """
     assert isinstance(trial.drive, Gait)
     period = trial.drive.period_s
     if trial.starts_at_s is not None:  # what the camera saw before the gait began
         walking = time + trial.starts_at_s >= 0.0
         time, travelled = time[walking], travelled[walking]
-    count = int((time[-1] - time[0]) / period + 1e-6) if len(time) else 0
-    if count < 1:
-        raise GaitoptError(f"trial {trial.name}: found less than one cycle of {period:g} s; allowed: two")
-    starts = time[time <= time[-1] - period * (1.0 - 1e-9)]
+    starts = time[time <= time[-1] - period * (1.0 - 1e-9)] if len(time) else time
+    if not len(starts):
+        return None
     moved = np.interp(starts + period, time, travelled) - travelled[: len(starts)]
-    cycle = ((starts - time[0]) / period).astype(int)
-    speeds = [float(moved[cycle == n].mean()) / period for n in range(count) if (cycle == n).any()]
+    samples = np.split(moved, np.flatnonzero(np.diff(((starts - time[0]) / period).astype(int))) + 1)
+    if len(samples) > 1 and starts[-1] - starts[-len(samples[-1])] < _HALF * period:
+        samples.pop()
+    speeds = [float(one.mean()) / period for one in samples]
     if len(speeds) >= _SKIPPED_FROM:
         speeds = speeds[1:]
     spread = float(np.std(speeds, ddof=1)) / math.sqrt(len(speeds)) if len(speeds) > 1 else math.nan
-    return FilmedSpeed(float(np.mean(speeds)), spread, len(speeds))
+    return FilmedSpeed(float(np.mean(speeds)), spread)
 
 
 def _needed(roles: Roles, axis: int) -> dict[str, float]:
@@ -117,10 +120,8 @@ def _along(trial: Trial, roles: Roles, axis: int) -> tuple[Series, Series]:
     return time, np.asarray(total, dtype=float)[first]
 
 
-def confirmed(
-    films: Sequence[tuple[int, str, FilmedSpeed]], odd: Sequence[str], within: float
-) -> list[tuple[int, FilmedSpeed]]:
-    """Return the recordings whose speed counts.
+def confirmed(films: Sequence[tuple[int, str, FilmedSpeed]], odd: Sequence[str], within: float) -> list[bool]:
+    """Return which recordings count.
 
     One that fits no explanation of the others may be a slip, or of another robot; or no effect explains what
     the robot does. It counts where it is not alone: another recording of the same film has the same speed.
@@ -136,13 +137,12 @@ def confirmed(
         return abs(speeds[0] - speeds[1]) <= within * max(map(abs, speeds))
 
     return [
-        (number, speed)
-        for number, name, speed in films
-        if name not in odd
+        name not in odd
         or any(
             number == another and name != repeat and alike(speed, its_speed)
             for another, repeat, its_speed in films
         )
+        for number, name, speed in films
     ]
 
 

@@ -31,6 +31,13 @@ class GaitoptError(Exception):
         super().__init__(plain(" ".join(str(message).split())))
 
 
+class MachineError(GaitoptError):
+    """The machine failed, not the input: a full disk, a locked folder, a lost worker.
+
+    The same command may succeed later, so nothing may be concluded from it.
+    """
+
+
 def found(value: object) -> str:
     """Return a value as a message quotes it: shortened, however long or deep it is."""
     return _SHORT.repr(value)

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from gaitopt.core.errors import GaitoptError
+from gaitopt.core.errors import GaitoptError, MachineError
 from gaitopt.core.interrupts import interrupts_held
 
 MIB = 2**20
@@ -85,7 +85,7 @@ def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
     except UnicodeDecodeError as error:
         raise GaitoptError(f"{path}: not UTF-8 text (byte {error.start})") from None
     except OSError as error:
-        raise GaitoptError(f"{path}: cannot be read: {error.strerror}") from None
+        raise MachineError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError:
         raise GaitoptError(f"{path}: cannot be read: a null byte in its name") from None
 
@@ -104,7 +104,7 @@ def read_bytes(path: Path, largest: int = LARGEST_FILE) -> bytes:
     try:
         return _content(path, largest)
     except OSError as error:
-        raise GaitoptError(f"{path}: cannot be read: {error.strerror}") from None
+        raise MachineError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _content(path: Path, largest: int) -> bytes:
@@ -292,7 +292,7 @@ def write_with(path: Path, write: Callable[[Path], object]) -> None:
             temporary.chmod(_NEW_MODE if mode is None else mode)
             temporary.replace(path)
     except OSError as error:
-        raise GaitoptError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise MachineError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def write_text(path: Path, text: str) -> None:

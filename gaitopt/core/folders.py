@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from gaitopt.core.errors import GaitoptError
+from gaitopt.core.errors import GaitoptError, MachineError
 
 
 def check_new_or_empty(path: Path | None) -> None:
@@ -49,5 +49,5 @@ def filling(folder: Path) -> Iterator[None]:
         if made and folder.is_dir():
             folder.rmdir()
         if isinstance(error, OSError):
-            raise GaitoptError(f"{folder}: cannot be written: {error.strerror}") from None
+            raise MachineError(f"{folder}: cannot be written: {error.strerror}") from None
         raise

@@ -14,7 +14,7 @@ import os
 import stat
 from pathlib import Path
 
-from gaitopt.core.errors import GaitoptError
+from gaitopt.core.errors import GaitoptError, MachineError
 from gaitopt.core.files import kind_of
 
 _MOST_ENTRIES = 100_000
@@ -98,7 +98,7 @@ def make_own_folder(path: Path) -> None:
         if not _is_own_folder(path):
             raise GaitoptError(f"{path}: found a file; allowed: a folder") from None
     except OSError as error:
-        raise GaitoptError(f"{path}: cannot be made: {error.strerror}") from None
+        raise MachineError(f"{path}: cannot be made: {error.strerror}") from None
 
 
 def _is_own_folder(path: Path) -> bool:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 from gaitopt.campaign import settings as defaults
-from gaitopt.campaign.check import same_gait, wrong_recording
+from gaitopt.campaign.check import film_of, wrong_recording
 from gaitopt.campaign.records import Proposal, Step
 from gaitopt.campaign.rivals import Tried, bayesian_optimisation
 from gaitopt.campaign.speeds import filmed_speed
-from gaitopt.core.errors import GaitoptError, unknown_name
+from gaitopt.core.errors import GaitoptError, MachineError, unknown_name
 from gaitopt.core.progress import OnProgress, Progress, silent
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.diagnose.record.trial import Trial
@@ -153,12 +153,12 @@ class Campaign:
         """
         self.go_on()
         trials = self._trials(recordings)
-        fresh = self._fresh(trials)
-        with held(self.path), opened(self._executor, self._workers) as pool:
+        with self._stoppable(), held(self.path), opened(self._executor, self._workers) as pool:
+            fresh = self._fresh(trials)
             if not trust:
                 self._check(fresh, pool)
             if fresh:
-                self._folder.tell(fresh)
+                self._folder.tell(fresh, measurable_signals(self.problem))
         return self.status()
 
     def run(self, robot: Robot, films: int = 5) -> Status:
@@ -169,11 +169,16 @@ class Campaign:
 
         Args:
             robot: walks with a gait and returns its recording.
-            films: most films in all.
+            films: how often something is told, in all.
+
+        Raises:
+            GaitoptError: the robot returned a recording that was told before.
         """
         self.go_on()
-        while self._folder.tellings < films and not self.next().done:
+        while (before := self._folder.tellings) < films and not self.next().done:
             self.tell(_filmed(robot, self.next_gait), trust=True)
+            if self._folder.tellings == before:
+                raise GaitoptError(f"{self.path}: the robot returned a recording that was told before")
         return self.status()
 
     @property
@@ -272,19 +277,16 @@ class Campaign:
         for format in dict.fromkeys((self._folder.request.player, _FALLBACK)):
             try:
                 export(self.problem, gait, Choices(format), where, executor=pool)
+            except MachineError:
+                raise
             except GaitoptError:
                 continue
             return str(where.relative_to(self.path))
         return None
 
-    def _film_of(self, gait: Gait, films: Mapping[int, Gait]) -> int | None:
-        """Return the number of the film of a gait among the gaits of films."""
-        space = self.problem.space
-        return next((film for film, own in films.items() if same_gait(space, own, gait)), None)
-
     def _proposed(self, gait: Gait) -> Proposal | None:
         """Return the film of a gait as it was proposed; None where it was not."""
-        film = self._film_of(gait, self._folder.gaits)
+        film = film_of(self.problem.space, gait, self._folder.gaits)
         return None if film is None else self._folder.proposal(film)
 
     def _proposal_of(self, step: Step) -> Proposal:
@@ -328,21 +330,24 @@ class Campaign:
         Raises:
             GaitoptError: one is of no film that was proposed, or was told as another film.
         """
-        told, films, fresh = self._folder.digests, self._folder.gaits, []
+        told, films, space = self._folder.digests, self._folder.gaits, self.problem.space
+        fresh = []
         for trial in trials:
-            film = self._film_of(trial.drive, films) if isinstance(trial.drive, Gait) else None
+            film = film_of(space, trial.drive, films) if isinstance(trial.drive, Gait) else None
             if film is None:
                 allowed = ", ".join(one.gait for one in self._folder.proposals)
                 raise GaitoptError(
                     f"trial {trial.name}: its gait was not proposed by {self.path}; allowed: {allowed}"
                 )
-            before = told.get(digest_of(trial))
+            digest = digest_of(trial)
+            before = told.get(digest)
             if before is not None and before != film:
                 raise GaitoptError(
-                    f"trial {trial.name}: found film {film}; the same recording was told as film {before}"
+                    f"trial {trial.name}: found film {film}; the same recording is told as film {before}"
                 )
             filmed_speed(trial, self.problem.roles)
             if before is None:
+                told[digest] = film
                 fresh.append((film, replace(trial, drive=films[film])))
         return fresh
 

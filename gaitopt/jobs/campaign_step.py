@@ -8,19 +8,21 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from gaitopt.campaign.check import same_gait
 from gaitopt.campaign.choice import Known, choose
 from gaitopt.campaign.records import FilmRow, Step
 from gaitopt.campaign.robots import own_scenarios, prior_robots, walked
 from gaitopt.campaign.search import Search
 from gaitopt.campaign.settings import CampaignSettings
 from gaitopt.campaign.speeds import Measured, confirmed, filmed_drifts, filmed_speed
-from gaitopt.core.errors import GaitoptError
+from gaitopt.core.errors import GaitoptError, MachineError
 from gaitopt.core.progress import OnProgress, Progress
 from gaitopt.diagnose.diagnosis import DiagnosisRequest
 from gaitopt.diagnose.record.dataset import WHOLE_CYCLES, DataSet
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.effects.active import EffectValues
 from gaitopt.gait.gait import BEST_FILE, Gait
+from gaitopt.gait.space import GaitSpace
 from gaitopt.jobs.diagnose import Question, answered_into, is_finished
 from gaitopt.jobs.optimise import optimise
 from gaitopt.problem.instruments import measurable_signals
@@ -87,7 +89,7 @@ class StepWork:
                 on_progress=self.on_progress,
             )
         winner = replace(problem.find_gait(str(run / BEST_FILE)), name=_NOMINAL)
-        gaits = _distinct({_NOMINAL: winner, **problem.baselines})
+        gaits = _distinct(problem.space, {_NOMINAL: winner, **problem.baselines})
         return self._chosen(problem, gaits, self._prior(problem), errors=True)
 
     def _later(self, problem: Problem) -> Step:
@@ -98,7 +100,7 @@ class StepWork:
         filmed = {f"film {number}": gait for number, gait in self.folder.gaits.items()}
         last = [before.candidates[index] for index in (before.best, before.next)] if before else []
         known = filmed | {f"last {one.name.removeprefix('last ')}": one.gait for one in last}
-        starts = _distinct({**known, **problem.baselines})
+        starts = _distinct(problem.space, {**known, **problem.baselines})
         search = Search(
             problem,
             robots,
@@ -109,7 +111,7 @@ class StepWork:
             self.settings,
         )
         found = search.candidates(starts, self.executor, self.on_progress)
-        gaits = _distinct({**known, **found, **problem.baselines})
+        gaits = _distinct(problem.space, {**known, **found, **problem.baselines})
         return self._chosen(problem, gaits, robots, errors=False, films=films, told=told)
 
     @property
@@ -141,14 +143,16 @@ class StepWork:
         told = told or {}
         odd = _names(told.get("misfit_trials"))
         each = [(number, trial.name, filmed_speed(trial, problem.roles)) for number, trial in films]
-        counted = confirmed(each, odd, self.settings.belief.confirmed)
+        counts = confirmed(each, odd, self.settings.belief.confirmed)
+        counted = [(number, speed) for (number, _, speed), own in zip(each, counts, strict=True) if own]
         measured = Measured.of(counted, self.settings.belief.repeatability) if counted else None
-        drifts = filmed_drifts(films, measured.means if measured else {}, problem.roles)
+        shown = [film for film, own in zip(films, counts, strict=True) if own]
+        drifts = filmed_drifts(shown, measured.means if measured else {}, problem.roles)
         limit = problem.objective.constraints.get(SIDEWAYS_RATIO)
         known = Known(
             space=problem.space,
             gaits=gaits,
-            films={gait.key: number for number, gait in self.folder.gaits.items()},
+            films=self.folder.gaits,
             walked=speeds,
             rows=_rows(films, odd, measured, drifts),
             measured=measured,
@@ -181,6 +185,8 @@ class StepWork:
                 question = Question(robot, dataset, request)
                 with held(run):
                     answered_into(run, question, self.executor, self.on_progress, corrected=False)
+        except MachineError:
+            raise
         except GaitoptError as error:  # of the data: what was known before is still known
             robots, told = _last_posterior(self.folder, self.number - 1, problem)
             return robots or self._prior(problem), {
@@ -224,12 +230,13 @@ def _last_posterior(
     return (), {}
 
 
-def _distinct(gaits: Mapping[str, Gait]) -> dict[str, Gait]:
+def _distinct(space: GaitSpace, gaits: Mapping[str, Gait]) -> dict[str, Gait]:
     """Return gaits without those that command the same as an earlier one."""
-    first: dict[str, str] = {}
+    kept: dict[str, Gait] = {}
     for name, gait in gaits.items():
-        first.setdefault(gait.key, name)
-    return {name: replace(gaits[name], name=name) for name in first.values()}
+        if not any(same_gait(space, one, gait) for one in kept.values()):
+            kept[name] = replace(gait, name=name)
+    return kept
 
 
 def _names(values: object) -> list[str]:

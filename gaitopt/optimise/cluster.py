@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from gaitopt.core.errors import GaitoptError
+from gaitopt.core.errors import GaitoptError, MachineError
 from gaitopt.core.text import one_line
 from gaitopt.optimise.handshake import DASK, check_scheduler, no_answer
 from gaitopt.robot.warnings import silence_warnings
@@ -44,7 +44,7 @@ class ClusterSettings:
 class DaskExecutor(Executor):
     """The workers of a scheduler, which repeats the unfinished calls of a lost worker.
 
-    A call ends with a `GaitoptError` where the scheduler or all workers are lost, or where it is one that
+    A call ends with a `MachineError` where the scheduler or all workers are lost, or where it is one that
     kills workers. Calls that are submitted after all workers were lost wait for a worker as long again.
 
     Args:
@@ -110,7 +110,7 @@ class DaskExecutor(Executor):
             if error is None:
                 future.set_result(done.result())
             elif type(error).__module__.startswith("distributed"):  # as of a call that kills workers
-                future.set_exception(GaitoptError(f"--executor: {self._where}: {one_line(error)}"))
+                future.set_exception(MachineError(f"--executor: {self._where}: {one_line(error)}"))
             else:
                 future.set_exception(error)
 
@@ -129,7 +129,7 @@ class DaskExecutor(Executor):
                 self._fail(self._lost())
             elif workers == 0 and now - had_worker >= settings.no_worker_s:
                 self._fail(
-                    GaitoptError(
+                    MachineError(
                         f"--executor: no worker is left at {self._where} since {settings.no_worker_s:.0f} s"
                     )
                 )
@@ -143,7 +143,7 @@ class DaskExecutor(Executor):
         except Exception:  # of a connection that is lost or slow, in any of dask's layers
             return None
 
-    def _fail(self, error: GaitoptError) -> None:
+    def _fail(self, error: MachineError) -> None:
         pending = self._pending.copy()
         for future in pending:
             with suppress(InvalidStateError):
@@ -151,8 +151,8 @@ class DaskExecutor(Executor):
         for inner in pending.values():  # which asks the scheduler, and may wait for it
             inner.cancel()
 
-    def _lost(self) -> GaitoptError:
-        return GaitoptError("--executor: the connection to its workers was lost")
+    def _lost(self) -> MachineError:
+        return MachineError("--executor: the connection to its workers was lost")
 
 
 def _connected(address: str, answer_s: float) -> Any:

@@ -11,14 +11,14 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context, parent_process, resource_tracker
 from typing import Any
 
-from gaitopt.core.errors import GaitoptError
+from gaitopt.core.errors import MachineError
 from gaitopt.robot.warnings import silence_warnings
 
 _LIVES = 5
 """A call that has lost this many worker processes is assumed to kill them."""
 
 
-class LostWorkersError(GaitoptError):
+class LostWorkersError(MachineError):
     """Worker processes that died each time at the same call."""
 
 

@@ -19,17 +19,25 @@ from pydantic import Field
 
 from gaitopt.campaign.records import Proposal, Record, Step
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.files import csv_text, read_json, read_toml, write_text
+from gaitopt.core.files import csv_text, read_json, read_text, read_toml, write_text
 from gaitopt.core.json import to_json
 from gaitopt.core.own_files import check_folder
 from gaitopt.core.validation import validated
 from gaitopt.diagnose.record.dataset import DATASET_FILE, load_dataset
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.gait import Gait, read_gait, write_gait
+from gaitopt.problem.lookup import PROBLEM_FILE
 from gaitopt.problem.model import nominal_mjcf
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.robot.signals import is_position, measured_column_of
-from gaitopt.runs.folder import check_free, filled_folder, held, write_into, write_problem
+from gaitopt.runs.folder import (
+    MODEL_FILE,
+    check_free,
+    filled_folder,
+    held,
+    write_into,
+    write_problem,
+)
 
 REQUEST_FILE = "campaign.toml"
 """The request; written after the problem, so that a folder with it is a campaign."""
@@ -111,7 +119,9 @@ class CampaignFolder:
         """
         if (path / REQUEST_FILE).is_file():
             folder = CampaignFolder.open(path)
-            if folder.request != request or folder.problem.name != problem.name:
+            same = path / PROBLEM_FILE, path / MODEL_FILE
+            asked = [problem.to_toml(MODEL_FILE), nominal_mjcf(problem)]
+            if folder.request != request or [read_text(file) for file in same] != asked:
                 raise GaitoptError(f"--out: {path} already holds another campaign; choose another folder")
             return folder
         check_free(path)
@@ -144,7 +154,7 @@ class CampaignFolder:
     @property
     def tellings(self) -> int:
         """How many times something was told."""
-        return sum(1 for path in self.path.glob("told/[0-9]*") if path.is_dir())
+        return len(numbered(self.path / "told"))
 
     def told(self, number: int) -> Told:
         """Return what was told, from 1."""
@@ -165,11 +175,15 @@ class CampaignFolder:
             found += [(told.films[trial.name], trial) for trial in dataset.trials]
         return found
 
-    def tell(self, recordings: Sequence[tuple[int, Trial]]) -> None:
+    def tell(self, recordings: Sequence[tuple[int, Trial]], known: Sequence[str]) -> None:
         """Write a telling, all of it or nothing; the trials get names of their own.
 
         Args:
             recordings: number of the film, and the recording, of each trial.
+            known: signals that the robot has.
+
+        Raises:
+            GaitoptError: it could not be read again: a recording that came from Python is no valid one.
         """
         number = self.tellings + 1
         place = self.telling_folder(number)
@@ -187,6 +201,11 @@ class CampaignFolder:
             entries.append(_write_trial(half, name, trial))
         write_text(half / DATASET_FILE, tomli_w.dumps({"trial": entries}))
         write_text(half / TOLD_FILE, to_json(Told(films=films, digests=digests).to_dict()))
+        try:
+            load_dataset(half, self.problem, known)
+        except GaitoptError:
+            shutil.rmtree(half)
+            raise
         half.rename(place)
 
     def _films_of(self, number: int) -> list[tuple[int, str]]:
@@ -233,7 +252,7 @@ class CampaignFolder:
     @property
     def proposals(self) -> list[Proposal]:
         """The films that were proposed, in order."""
-        numbers = sorted(int(path.name) for path in self.path.glob("films/[0-9]*"))
+        numbers = numbered(self.path / "films")
         return [one for one in map(self.proposal, numbers) if one is not None]
 
     @property
@@ -268,6 +287,12 @@ class CampaignFolder:
     def write_rivals(self, rivals: Sequence[Rival]) -> None:
         """Write what other methods reached."""
         write_into(self.path, RIVALS_FILE, to_json({"rivals": [one.to_dict() for one in rivals]}))
+
+
+def numbered(folder: Path) -> list[int]:
+    """Return the numbers of the numbered folders in a folder, in order; others are not the campaign's."""
+    names = [path.name for path in folder.glob("[0-9]*") if path.is_dir()]
+    return sorted(int(name) for name in names if name.isdecimal() and name == f"{int(name):02d}")
 
 
 def digest_of(trial: Trial) -> str:

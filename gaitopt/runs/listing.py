@@ -150,15 +150,17 @@ def _state(path: Path, kind: str, summary: Summary | None) -> str:
     if is_held(path):
         return RUNNING
     if kind == CAMPAIGN:
-        return FINISHED if _is_done(path) else WAITING
+        return _campaign_state(path)
     return FINISHED if kind == DIAGNOSIS or summary is not None else INTERRUPTED
 
 
-def _is_done(campaign: Path) -> bool:
-    """Whether the last step of a campaign says that no film is worth making."""
-    steps = sorted(campaign.glob(f"steps/*/{campaign_folder.STEP_FILE}"))
-    content = read_json(steps[-1]) if steps and check_own(steps[-1]) else {}
-    return isinstance(content, dict) and content.get("done") is True
+def _campaign_state(campaign: Path) -> str:
+    """Return whether the last step of a campaign was interrupted, or says that no film is worth making."""
+    step = campaign / "steps" / f"{len(campaign_folder.numbered(campaign / 'told')):02d}"
+    if not check_own(step / campaign_folder.FINISHED_FILE):
+        return INTERRUPTED
+    content = read_json(step / campaign_folder.STEP_FILE)
+    return FINISHED if isinstance(content, dict) and content.get("done") is True else WAITING
 
 
 def _problem(path: Path, kind: str) -> str:

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from gaitopt.core.errors import GaitoptError
+from gaitopt.core.errors import MachineError
 from gaitopt.core.own_files import open_own
 
 LOCK_FILE = ".lock"
@@ -92,6 +92,6 @@ def _locked(path: Path) -> BinaryIO:
     except OSError as error:
         if file is not None:
             file.close()
-            raise GaitoptError(f"{path.parent}: another run is working in this folder") from None
-        raise GaitoptError(f"{path}: cannot be written: {error.strerror}") from None
+            raise MachineError(f"{path.parent}: another run is working in this folder") from None
+        raise MachineError(f"{path}: cannot be written: {error.strerror}") from None
     return file

@@ -1,5 +1,6 @@
 """A gait earns what its objective says, with the probability that it goes straight enough."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -11,6 +12,7 @@ from gaitopt.campaign.merit import merit
 from gaitopt.optimise.evaluator import Outcome, judge
 from gaitopt.problem.objective import Constraint, Objective, Quantile
 from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.simulation.objective import FAILED_COST
 
 ERROR = 0.075
 LIMITS = {"sideways_ratio": Constraint(max=0.1, scale=0.1), "tilt_rad": Constraint(max=0.5, scale=0.1)}
@@ -71,6 +73,24 @@ def test_without_a_limit_on_the_drift_the_objective_judges() -> None:
     free = looking_for(FAST.model_copy(update={"constraints": {"tilt_rad": LIMITS["tilt_rad"]}}))
     walks = [walk(0.05, 0.9, tilt=0.6)]
     assert merit(free, walks, 0.0, ERROR) == judge(free, walks)
+
+
+def test_drifts_to_both_sides_cost_the_same() -> None:
+    """Terms on a signed drift weigh its size, as the objective does."""
+    aside = looking_for(FAST.model_copy(update={"terms": {"speed_m_s": -1.0, "sideways_m_s": 1.0}}))
+
+    def drifting(sideways: float) -> Outcome:
+        return replace(walk(0.05, 0.05), metrics={**walk(0.05, 0.05).metrics, "sideways_m_s": sideways})
+
+    assert cost(drifting(0.01), problem=aside) == cost(drifting(-0.01), problem=aside)
+    assert cost(drifting(0.01), problem=aside) > cost(drifting(0.0), problem=aside)
+
+
+def test_a_metric_that_is_infinite_counts_as_failed() -> None:
+    """A robot that goes nowhere has an infinite cost of transport; the journal holds finite costs."""
+    cheap = looking_for(FAST.model_copy(update={"terms": {"cost_of_transport": 1.0}}))
+    still = replace(walk(0.0, 0.0), metrics={**walk(0.0, 0.0).metrics, "cost_of_transport": math.inf})
+    assert cost(still, problem=cheap) == FAILED_COST
 
 
 def test_a_robot_that_cannot_be_simulated_counts_as_failed() -> None:

@@ -17,10 +17,13 @@ from campaigns import begun, brief, content, told_twice, walker
 from helpers import STRIDER, still
 from page_audit import faults_of
 
+from gaitopt.campaign.check import film_of
 from gaitopt.core.errors import GaitoptError
 from gaitopt.jobs.campaign import Campaign
 from gaitopt.jobs.outputs import Stopped
+from gaitopt.optimise.processes import LostWorkersError
 from gaitopt.problem.problem import load_problem
+from gaitopt.runs.listing import INTERRUPTED, WAITING, list_runs
 
 
 @pytest.fixture(scope="module")
@@ -213,3 +216,81 @@ def test_a_folder_that_is_no_campaign_is_named(tmp_path: Path) -> None:
 def test_a_folder_of_another_campaign_is_refused(fresh: Path) -> None:
     with pytest.raises(GaitoptError, match="already holds another campaign"):
         Campaign.new(load_problem(STRIDER), fresh, budget=9)
+
+
+def test_a_folder_of_another_robot_of_the_same_name_is_refused(fresh: Path) -> None:
+    problem = load_problem(STRIDER)
+    other = problem.with_parameters({"mu_rear": 0.7})
+    assert other.name == problem.name
+    with brief():
+        assert Campaign.new(problem, fresh, budget=8, executor="serial").next().film == 1
+        with pytest.raises(GaitoptError, match="already holds another campaign"):
+            Campaign.new(other, fresh, budget=8)
+
+
+def test_other_things_in_its_folders_are_not_the_campaigns(campaign: Campaign) -> None:
+    (campaign.path / "films" / "1.mp4").write_bytes(b"a film")
+    (campaign.path / "told").mkdir(exist_ok=True)
+    (campaign.path / "told" / "01 copy").mkdir()
+    assert campaign.next().film == 1
+    assert campaign._folder.tellings == 0
+
+
+def test_a_machine_that_fails_teaches_nothing(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lost worker ends the step; nothing is concluded from it, and the step can go on."""
+
+    def lost(*_: object, **__: object) -> None:
+        raise LostWorkersError("workers were killed")
+
+    film = walker()(campaign.next_gait)
+    with brief():
+        with monkeypatch.context() as patch:
+            patch.setattr("gaitopt.jobs.campaign_step.answered_into", lost)
+            with pytest.raises(LostWorkersError):
+                campaign.tell(film)
+        assert campaign.status().causes == ("pad_friction",)
+
+
+def test_a_recording_that_cannot_be_read_again_is_refused(campaign: Campaign) -> None:
+    """From Python, sideways motion of two samples: every later step would read it again."""
+    film = walker()(campaign.next_gait)
+    aside = np.where(np.arange(len(film.time)) < 2, 0.0, np.nan)
+    film = replace(
+        film,
+        signals={**film.signals, "marker.z": aside},
+        used={**film.used, "marker.z": np.isfinite(aside)},
+    )
+    with brief():
+        before = content(campaign.path)
+        with pytest.raises(GaitoptError, match="numbers in 2 rows"):
+            campaign.tell(film, trust=True)
+        assert content(campaign.path) == before
+        assert campaign.next().film == 1
+
+
+def test_a_robot_that_returns_the_same_recording_again_ends_the_run(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    film = walker()(campaign.next_gait)
+    with brief():
+        campaign.tell(film)
+        monkeypatch.setattr(Campaign, "next_gait", campaign._folder.gaits[1])
+        with pytest.raises(GaitoptError, match="a recording that was told before"):
+            campaign.run(lambda _: film, films=3)
+
+
+def test_a_gait_that_a_search_found_again_was_filmed(campaign: Campaign) -> None:
+    space, gait = campaign.problem.space, campaign.next_gait
+    again = space.decode(space.encode(gait))
+    assert film_of(space, again, campaign._folder.gaits) == 1
+    assert film_of(space, still(campaign.problem), campaign._folder.gaits) is None
+
+
+def test_a_campaign_is_listed_as_what_it_waits_for(campaign: Campaign) -> None:
+    def state() -> str:
+        (run,) = list_runs([campaign.path])
+        return run.state
+
+    assert state() == WAITING
+    (campaign.path / "steps" / "00" / "finished").unlink()
+    assert state() == INTERRUPTED
