@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
+from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.fit.bins import Bins
 from gaitopt.diagnose.fit.covariance import measurement_covariance, robot_covariance
 from gaitopt.diagnose.fit.settings import WHITENING, WhiteningSettings
@@ -91,6 +92,11 @@ class WhitenedTrial:
         changes = [
             bins.means(other, aligned.offset_s) - nominal for other in perturbed if other.status == "ok"
         ]
+        if not changes:
+            name = aligned.trial.name
+            raise GaitoptError(
+                f"trial {name}: no robot with small errors can be simulated; see `gaitopt check`"
+            )
         measurement = measurement_covariance(aligned, floors, bins, nominal, settings)
         robots = robot_covariance(aligned, bins, np.array(changes), settings)
         factor = cholesky(measurement + robots, lower=True)

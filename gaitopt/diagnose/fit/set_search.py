@@ -120,6 +120,8 @@ class SetSearch:
     def _all_together(self, grown: SetFit) -> None:
         """Fit all effects together from several starts, and drop those that do not pay for themselves."""
         wide = self.coarse.placed([self._start(grown, share) for share in self.settings.starts])
+        if not wide:  # none of them can be simulated
+            return
         for count in self.settings.coarse_rounds:
             wide = sorted(wide, key=self.coarse.score)[:count]
             wide = [replace(fit, radius=max(fit.radius, self.settings.coarse_radius)) for fit in wide]

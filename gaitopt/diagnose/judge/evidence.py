@@ -109,6 +109,8 @@ def p_value(
     changes = np.stack([one.whitened - nominal.whitened for one in robots])
     sizes = np.linalg.norm(changes, axis=1)
     moved = sizes > 1e-9
+    if not moved.any():
+        return 1.0
     sizes, directions = sizes[moved], changes[moved] / sizes[moved][:, None]
     rng = generator(seed, Stream.CHANCE_GAIN)
     left = min(candidate.total_loss for candidate in candidates) / trial_set.rows_per_block.sum()

@@ -122,20 +122,21 @@ class GapMeter:
             floor: the marker's floor, m.
             trial: one trial; None for all together.
         """
-        axes = max(1, sum(map(is_position, self.trial_set.trials[0].bins.rows)))
+        each = [max(1, sum(map(is_position, one.bins.rows))) for one in self.trial_set.trials]
+        axes = np.array(each)[self.trial_set.block_trials]
         residuals = self.nominal.marker, candidate.marker
         return self._gap(residuals, self.trial_set.sample_blocks, axes, floor, trial)
 
     def measure_angles(self, candidate: Candidate, floor: float, trial: int | None = None) -> Gap:
         """Return the same of the angles, rad; one sample is one angle at one time."""
         residuals = self.nominal.angles, candidate.angles
-        return self._gap(residuals, self.trial_set.angle_blocks, 1, floor, trial)
+        return self._gap(residuals, self.trial_set.angle_blocks, np.array(1), floor, trial)
 
     def _gap(
         self,
         residuals: tuple[Array, Array],
         blocks: NDArray[np.intp],
-        axes: int,
+        axes: NDArray[np.int_],
         floor: float,
         trial: int | None,
     ) -> Gap:

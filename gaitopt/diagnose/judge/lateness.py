@@ -155,16 +155,20 @@ class _Differences:
     def of(family: Sequence[WhitenedTrial], floors: Floors, late: LateChanges) -> _Differences | None:
         """Return the differences of some repeats, split along the singular vectors of the delays' responses.
 
-        None where their samples do not overlap.
+        None where they have no signal in common, or their samples do not overlap.
         """
         first = family[0].aligned
         rows, responses = [], []
         for name in first.trial.signals:
+            if not all(name in one.aligned.trial.signals for one in family):
+                continue
             noise = max(floors[name].noise, 1e-9)
             measured = _resampled(family, name, first.time) / noise
             known = np.isfinite(measured).all(axis=0)
             rows.append(measured[:, known])
             responses.append(late.samples(name, first.time[known]) / noise)
+        if not rows:
+            return None
         together, response = np.concatenate(rows, axis=1), np.concatenate(responses)
         if together.shape[1] <= response.shape[1]:
             return None

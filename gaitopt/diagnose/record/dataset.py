@@ -244,9 +244,12 @@ def _series(table: TextTable, signal: str, column: str, source: str) -> Series:
         raise unknown_name(f"{source}: signals.{signal}: {table.source}", "column", column, table.head)
     units = LENGTH if is_position(signal) else ANGLE
     series = table.column(column) * suffix_scale(source, f"signals.{signal}", column, units)
-    if not np.isfinite(series).any():
-        raise GaitoptError(f"{table.source}: column {column} holds no number")
     measured = np.isfinite(series)
+    if measured.sum() < SAMPLES_PER_BLOCK:
+        found = "no number" if not measured.any() else f"numbers in {measured.sum()} rows"
+        raise GaitoptError(
+            f"{table.source}: column {column}: found {found}; allowed: {SAMPLES_PER_BLOCK} or more"
+        )
     series[~measured] = np.nan
     if kind_of(signal) == "site" and not is_position(signal):  # as the simulation gives it
         series[measured] = _unwrapped(series[measured])

@@ -48,6 +48,8 @@ def _masked(trial: Trial, grid: float, begin: float, settings: SteppedCurveSetti
 def _stepped_from(trial: Trial, name: str, grid: float, settings: SteppedCurveSettings) -> float | None:
     """Return the time from which a signal moves only at multiples of `grid`, s, or None."""
     time, series = trial.counted(name)
+    if len(time) < 2:  # nothing is left of it
+        return None
     middle = 0.5 * (time[1:] + time[:-1])
     moved = np.abs(np.diff(median_filter(series, 3, mode="nearest")))  # a line's ends are read in any order
     line = np.round(middle / grid).astype(int)

@@ -77,6 +77,18 @@ def test_no_delays_are_found_where_repeats_differ_in_another_way(problem: Proble
     assert lateness(problem, tmp_path / "data") is None
 
 
+def test_repeats_with_other_signals_are_compared_by_those_that_they_share(
+    problem: Problem, tmp_path: Path
+) -> None:
+    """A sensor that failed in one repeat."""
+    write_bench(tmp_path / "data", problem, trials={"square": 2}, played=late_by_chance(0.01))
+    file, table = tmp_path / "data" / "dataset.toml", tmp_path / "data" / "square-1.csv"
+    file.write_text(file.read_text().replace('"joint.', '"site.tip.x" = "tip_x_m"\n"joint.', 1))
+    lines = table.read_text().splitlines()
+    table.write_text("\n".join([lines[0] + ",tip_x_m", *(line + ",0.1" for line in lines[1:])]))
+    assert lateness(problem.observing(["tip"]), tmp_path / "data") is not None
+
+
 def test_delays_need_repeats(problem: Problem, tmp_path: Path) -> None:
     once = dict.fromkeys(REPEATS, 1)
     write_bench(tmp_path / "data", problem, trials=once, played=late_by_chance(0.01))

@@ -154,7 +154,14 @@ def test_no_number_at_all(folder: Path, arcfold: Problem) -> None:
     path = folder / "walk.csv"
     rows = [line.split(",") for line in path.read_text().splitlines()]
     path.write_text("\n".join(",".join([a, b if i == 0 else "nan", c]) for i, (a, b, c) in enumerate(rows)))
-    assert "column x_mm holds no number" in refused(folder, arcfold)
+    assert "column x_mm: found no number; allowed: 4 or more" in refused(folder, arcfold)
+
+
+def test_a_column_with_hardly_a_number(folder: Path, arcfold: Problem) -> None:
+    path = folder / "walk.csv"
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    path.write_text("\n".join(",".join([a, b if i <= 1 else "", c]) for i, (a, b, c) in enumerate(rows)))
+    assert "column x_mm: found numbers in 1 rows; allowed: 4 or more" in refused(folder, arcfold)
 
 
 def test_samples_too_far_apart_may_be_milliseconds(folder: Path, arcfold: Problem) -> None:
