@@ -209,13 +209,16 @@ def write_folder(path: Path, texts: dict[str, str]) -> list[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
         try:
+            whole = temporary / path.name
             for name, text in texts.items():
-                file = temporary / name
-                file.parent.mkdir(exist_ok=True)
+                file = whole / name
+                file.parent.mkdir(parents=True, exist_ok=True)
                 file.write_text(text, encoding="utf-8", newline="\n")
-            path.mkdir(exist_ok=True)
-            for item in sorted(temporary.iterdir()):
-                item.rename(path / item.name)
+            if not path.exists():
+                whole.rename(path)
+            else:  # an empty folder, which stays the same one
+                for item in sorted(whole.iterdir()):
+                    item.rename(path / item.name)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
     except OSError as error:

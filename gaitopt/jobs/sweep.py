@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gaitopt.core.errors import GaitoptError
+from gaitopt.core.folders import check_new_or_empty
 from gaitopt.gait.gait import Gait
 from gaitopt.jobs.executor import opened
 from gaitopt.jobs.inputs import found_gait, over_posterior
@@ -56,6 +57,7 @@ def sweep(
         GaitoptError: there is no such gait, parameter or posterior, a value is not allowed, or `out` holds
             something.
     """
+    check_new_or_empty(out_folder(out))
     problem = over_posterior(carrying(problem), posterior)
     chosen = _first_baseline(problem) if gait is None else found_gait(problem, gait)
     asked = Sweep.parse(over)

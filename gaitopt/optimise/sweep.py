@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from gaitopt.core.errors import GaitoptError, unknown_name
+from gaitopt.core.numbers import number
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.optimise.evaluator import assess_all, judge
 from gaitopt.optimise.robots import OverRobots, over_robots, robots_of
@@ -51,7 +52,7 @@ class Sweep:
         """
         name, separator, values = text.partition("=")
         try:
-            parsed = tuple(float(value) for value in values.split(","))
+            parsed = tuple(number(value) for value in values.split(","))
         except ValueError:
             parsed = ()
         if not separator or not parsed or not np.all(np.isfinite(parsed)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -112,7 +113,7 @@ def _now(folder: CampaignFolder, step: Step, following: Proposal) -> Section:
         return Section("What to do now", sentences=[f"Walk with {following.gait}."])
     player = f"Play it with {following.player}." if following.player else "The servos have no player."
     worth = f"{1e3 * step.film_is_worth_m_s:.1f} mm/s"
-    here = folder.path
+    here, gait = (shlex.quote(str(path)) for path in (folder.path, folder.path / following.gait))
     return Section(
         "What to do now",
         sentences=[
@@ -124,7 +125,7 @@ def _now(folder: CampaignFolder, step: Step, following: Proposal) -> Section:
             "Films may be told late, in another order, and again; one that cannot be made may be left out.",
         ],
         commands=[
-            f"gaitopt import FILE --gait {here / following.gait} --problem {here} --out FILM",
+            f"gaitopt import FILE --gait {gait} --problem {here} --out FILM",
             f"gaitopt campaign tell {here} FILM",
         ],
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from functools import partial
 from pathlib import Path
 
@@ -114,7 +115,7 @@ def _corrected(folder: Path, diagnosis: Diagnosis) -> list[Section]:
     """Return what to do with the corrected robot, where there is one."""
     if diagnosis.correction is None:
         return []
-    name = folder / CORRECTED_FILE
+    run, robot = (shlex.quote(str(path)) for path in (folder, folder / CORRECTED_FILE))
     return [
         Section(
             "The corrected robot",
@@ -123,8 +124,8 @@ def _corrected(folder: Path, diagnosis: Diagnosis) -> list[Section]:
                 "The second command searches for a gait that is good on all robots that these trials allow.",
             ],
             commands=[
-                f"gaitopt optimise {name}",
-                f"gaitopt optimise {folder} --posterior {folder}",
+                f"gaitopt optimise {robot}",
+                f"gaitopt optimise {run} --posterior {run}",
             ],
         )
     ]
@@ -264,7 +265,8 @@ def _next_sections(folder: Path, diagnosis: Diagnosis) -> list[Section]:
         f"One cycle of the gait that separates the effects best. {what_it_tells(experiment)} Film it, add "
         "the trial to the data set, and diagnose again.",
     )
-    commands = [f"gaitopt export {folder} {folder}/next.toml --format micropython --out player"]
+    run, gait = (shlex.quote(str(path)) for path in (folder, folder / "next.toml"))
+    commands = [f"gaitopt export {run} {gait} --format micropython --out player"]
     return [
         *save_figures(folder, {"next": picture}),
         Section("The next gait", table=gait_table(experiment.gait, "next.toml"), commands=commands),

@@ -165,6 +165,9 @@ def track_point(
     if len(times) < _FEWEST:
         raise GaitoptError(f"{film}: found {len(times)} pictures; allowed: {_FEWEST} or more")
     time, path = np.array(times), np.array(places)
+    sure = np.flatnonzero(np.isfinite(path).all(axis=1))
+    if not len(sure):
+        raise GaitoptError(f"{film}: the point is in no picture; allowed: one that the film shows")
     sync = UNKNOWN
     if isinstance(beginning, (TimeMark, FrameMark)):
         sync = beginning.sync(time)
@@ -173,7 +176,7 @@ def track_point(
     lost = beginning is not None and sync.at_s is None
     defects = (Defect("sync_not_found", film.stem, sync.how, 0),) if lost else ()
     scale = tracker.length.m_per_px
-    moved = scale * (path - path[0]) @ tracker.length.axes(tracker.view).T
+    moved = scale * (path - path[sure[0]]) @ tracker.length.axes(tracker.view).T
     signals = dict(zip(VIEWS[tracker.view], moved.T, strict=True))
     noise = {name: max(noise_sd(series, _JERKS), scale * _LEAST_PX) for name, series in signals.items()}
     return PointTrack(film, time, signals, noise, path, scale, sync, defects)

@@ -1,5 +1,6 @@
 """`gaitopt sweep`: a row for each value."""
 
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -47,3 +48,24 @@ def test_a_sweep_survives_a_value_that_diverges(gaitopt: Run, tmp_path: Path) ->
     )
     assert code == 0
     assert [row["status"] for row in strictly(out)["rows"]][1].startswith("diverged")
+
+
+def test_a_folder_that_is_not_empty_is_refused_before_anything_is_simulated(
+    gaitopt: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+
+    def simulated(*_: object) -> None:
+        raise AssertionError("simulated")
+
+    monkeypatch.setattr(import_module("gaitopt.optimise.sweep"), "sweep", simulated)
+    code, _, err = gaitopt("sweep", STRIDER, "--over", "period_s=0.5", "--out", tmp_path)
+    assert (code, err.count("\n")) == (1, 1)
+    assert "is not empty" in err
+
+
+@pytest.mark.parametrize("value", ["0_5", "٣", "0.5;0.7"])
+def test_values_have_plain_digits(gaitopt: Run, value: str) -> None:
+    code, _, err = gaitopt("sweep", STRIDER, "--over", f"period_s={value}")
+    assert code == 1
+    assert "allowed: NAME=V1,V2,… with numbers" in err

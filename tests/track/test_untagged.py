@@ -106,6 +106,19 @@ def test_a_dot_is_followed_and_what_is_not_sure_is_a_gap(dotted: Path) -> None:
     assert found.sync.at_s == pytest.approx(11.5 / FPS)
 
 
+def test_a_dot_with_a_twin_at_first_is_followed_from_where_it_is_alone(tmp_path: Path) -> None:
+    """Nothing is measured from the first picture, in which its place is not sure."""
+
+    def late(picture: NDArray[np.float32], index: int, place: Array) -> None:
+        disc(picture, place, (210, 30, 40))
+        if not index:
+            disc(picture, place + np.array([90.0, 10.0]), (210, 30, 40))
+
+    made, (x, y) = film(tmp_path / "late.mp4", late), path(0.0)
+    found = track_point(made, PointTracker(Dot(x, y), RULER))
+    assert np.isfinite(found.signals["marker.x"]).sum() > 50
+
+
 def stamped(picture: NDArray[np.float32], index: int, place: Array) -> None:
     """A block with a pattern, which turns; it is covered from picture 20 to 24."""
     rng = seeded(9)

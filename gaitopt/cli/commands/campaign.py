@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -113,7 +114,7 @@ def _going_on(options: Options, folder: Path) -> Iterator[OnProgress]:
         with display(options.quiet or options.json) as on_progress:
             yield on_progress
     except Stopped:
-        say_aside(f"gaitopt: stopped; go on with: gaitopt campaign next {folder}")
+        say_aside(f"gaitopt: stopped; go on with: gaitopt campaign next {shlex.quote(str(folder))}")
         raise
 
 
@@ -132,7 +133,7 @@ def _print_next(found: Next, folder: Path, as_json: bool) -> None:
     if found.player:
         say(f"player: {folder / found.player}")
     if not found.done:
-        say(f"then: gaitopt campaign tell {folder} DATASET")
+        say(f"then: gaitopt campaign tell {shlex.quote(str(folder))} DATASET")
     say(f"page: {folder / 'campaign.html'}")
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import add_gait, add_json, add_problem, add_quiet, add_seed, problem_of
+from gaitopt.core.numbers import number
 
 _USUAL = (0.5, 45.0, 15.0)
 """Place of the camera; see `--camera`. High, as angles of a tag that is seen straight on are known worst."""
@@ -38,7 +39,7 @@ def add_options(parser: Parser) -> None:
 
 def _camera(text: str) -> tuple[float, float, float]:
     try:
-        given = tuple(float(part) for part in text.split(","))
+        given = tuple(number(part) for part in text.split(","))
     except ValueError:
         given = ()
     if not 1 <= len(given) <= 3:
@@ -55,7 +56,7 @@ def run(options: Options) -> None:
     how = RehearsalOptions(
         Camera(*options.camera), options.fps, options.seconds, options.hand, options.size_mm, options.seed
     )
-    with display(options.quiet) as show:
+    with display(options.quiet or options.json) as show:
         done = rehearse(problem_of(options), options.gait, options.out, how, show)
     if options.json:
         print_json(done.to_dict())

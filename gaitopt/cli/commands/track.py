@@ -9,6 +9,7 @@ from pathlib import Path
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import GAIT, add_json, add_quiet, pair, problem_of
+from gaitopt.core.numbers import number
 
 
 def add_options(parser: Parser) -> None:
@@ -99,7 +100,7 @@ def _add_untagged(parser: Parser) -> None:
 
 def _numbers(text: str, allowed: str) -> list[float]:
     try:
-        found = [float(part) for part in text.split(",")]
+        found = [number(part) for part in text.split(",")]
     except ValueError:
         found = []
     if len(found) != allowed.count(",") + 1 or not all(map(math.isfinite, found)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterable, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
@@ -108,13 +108,10 @@ def frames(
     """
     settings = settings or defaults.DEFAULT.film
     width, height = size = size or settings.size
-    scenes = [Scene(shown, size, times, settings) for shown in takes]
-    try:
+    with ExitStack() as stack:
+        scenes = [stack.enter_context(closing(Scene(shown, size, times, settings))) for shown in takes]
         for at in times:
             whole = Image.new("RGB", (width * len(takes), height))
             for index, scene in enumerate(scenes):
                 whole.paste(scene.picture(float(at)), (width * index, 0))
             yield whole
-    finally:
-        for scene in scenes:
-            scene.close()
