@@ -1,8 +1,8 @@
 """The fidelity ladder: judge gaits on a cheaper rung, if it ranks them like the working fidelity.
 
 A search has to rank neighbours of its best gait. How well a rung ranks them depends on the robot and the
-gait. So each search measures it, on gaits that it has just judged at the working fidelity, and refuses a rung
-that ranks them differently. The gain is in ``results/profile``.
+gait. So each search measures it once, on gaits that it has just judged at the working fidelity, and refuses a
+rung that ranks them differently. The gain is in ``results/profile``.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
@@ -328,17 +329,18 @@ def _tiles(summary: Summary) -> list[tuple[str, str]]:
         tiles.append((f"{ratio:.2f} times", f"the speed of {fastest.name}"))
     tiles.append((f"{figure(best.period_s)} s", f"period; stride {1e3 * best.stride_m:.1f} mm"))
     if best.constraints_met:
-        tiles.append(("met", "constraints, in the mean"))
+        tiles.append(("met", "all constraints"))
     else:
         tiles.append(("violated", names_of(best.violations)))
     return tiles
 
 
 def _next_commands(folder: Path) -> list[str]:
+    run = shlex.quote(str(folder))
     return [
-        f"gaitopt simulate {folder} {folder} --video walk.mp4",
-        f"gaitopt export {folder} {folder} --format micropython --out player",
-        f"gaitopt diagnose {folder} trials",
+        f"gaitopt simulate {run} {run} --video walk.mp4",
+        f"gaitopt export {run} {run} --format micropython --out player",
+        f"gaitopt diagnose {run} trials",
     ]
 
 

@@ -21,7 +21,6 @@ class TrackSettings:
         focal_spread: how far it may be off, relative, as a standard deviation.
         distortion: expected size of the radial distortion: phones correct most of theirs.
         outlier: a tag's error over the usual one, beyond which it is left out.
-        ambiguous: two poses of a tag are told apart if their squared errors differ by this many variances.
         joint_rad: an angle of a joint is given only if it is known better than this, rad.
         readout_s: how long phones take to read a picture, s, where nothing shows it: most 5 to 30 ms.
         least_px: error of a corner that is never undercut, pixels.
@@ -38,7 +37,6 @@ class TrackSettings:
     focal_spread: float = 0.2
     distortion: float = 0.1
     outlier: float = 6.0
-    ambiguous: float = 12.0
     joint_rad: float = 0.06
     readout_s: float = 0.015
     least_px: float = 0.02

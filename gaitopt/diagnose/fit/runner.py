@@ -56,9 +56,6 @@ FITTING, FINISHING = "fitting effects", "finishing the best fits"
 FITTING_SETS = "fitting sets of effects"
 """Names of stages."""
 
-Compare = Callable[[TrialSet, Sequence[RobotRequest]], list[Comparison | None]]
-"""Compares a set of trials with robots; None for a robot that cannot be simulated."""
-
 
 @dataclass(frozen=True)
 class Runner:

@@ -213,11 +213,6 @@ class TrialSet:
         """The trials with their first covariance."""
         return replace(self, updates=())
 
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the determinant of the covariance of all trials, relative to the first one."""
-        return -2.0 * sum(float(np.log(np.diag(update)).sum()) for update in self.updates)
-
     def head(self, seconds: float) -> TrialSet:
         """Return the beginnings of the trials, each as long as this or as one block, s."""
         heads = TrialSet.of(self.simulator, [one.head(seconds) for one in self.trials], self.nominal)

@@ -168,12 +168,6 @@ class Causes:
         """The most probable candidate."""
         return self.candidates[0] if self.candidates else None
 
-    @property
-    def n_robots(self) -> int:
-        """Number of robots with one effect that were simulated."""
-        of_sets = len(self.judgement.sets.candidates) if self.judgement.sets else 0
-        return of_sets + sum(len(fit.comparisons) for fit in self.judgement.fits)
-
     def intervals(self, candidate: Candidate) -> list[Interval]:
         """Return a 90 % interval of each parameter of a candidate, in its unit."""
         if self.judgement.sets is not None:

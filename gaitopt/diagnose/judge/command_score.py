@@ -73,14 +73,13 @@ class CommandScorer:
     executor: Executor
     settings: CommandSettings = COMMANDS
 
-    def separations(self, drives: Sequence[Drive], lasting: float | None = None) -> list[Separation | None]:
+    def separations(self, drives: Sequence[Drive]) -> list[Separation | None]:
         """Return how far the alternatives are apart on each drive; None where one cannot be simulated.
 
         Args:
             drives: what is commanded.
-            lasting: how long a drive without end is played, s.
         """
-        runs = [Run(drive, drive.duration_s or lasting or 2.0 * drive.block_s) for drive in drives]
+        runs = [Run(drive, drive.duration_s or 2.0 * drive.block_s) for drive in drives]
         step, every = self.settings.together, [*self.robots, *(robot for _, robot in self.perturbed)]
         parts = [runs[begin : begin + step] for begin in range(0, len(runs), step)]
         signals = tuple(self.floors)

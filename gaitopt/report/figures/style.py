@@ -82,10 +82,10 @@ def width() -> float:
     return _width.get()
 
 
-def stacked_panels(rows: int, height: float, share_x: bool = True) -> tuple[Figure, list[Axes]]:
-    """Return a figure of a height in inches, and its panels from top to bottom; by default, they share x."""
+def stacked_panels(rows: int, height: float) -> tuple[Figure, list[Axes]]:
+    """Return a figure of a height in inches, and its panels from top to bottom, which share x."""
     figure = PlainFigure(figsize=(width(), height), layout="constrained")
-    return figure, list(figure.subplots(rows, 1, squeeze=False, sharex=share_x)[:, 0])
+    return figure, list(figure.subplots(rows, 1, squeeze=False, sharex=True)[:, 0])
 
 
 def single_panel(height: float) -> tuple[Figure, Axes]:

@@ -286,7 +286,7 @@ class Studio:
         for number, (site, edge) in stage.tags.items():
             data = self._data.site(site)
             turn = data.xmat.reshape(3, 3)
-            self._add_tag(number, edge, data.xpos + turn @ np.array(stage.wrong.get(number, (0, 0, 0))), turn)
+            self._add_tag(number, edge, data.xpos, turn)
         for number, (place, angle, edge) in stage.floor.items():
             c, s = math.cos(angle), math.sin(angle)
             turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -39,25 +39,22 @@ class Stage:
         axes: forward, left and up as rows.
         tags: by number the site and the edge, m.
         floor: by number the middle in the problem's axes, m, the turn about up, rad, and the edge, m.
-        wrong: by number how far a tag sits from its site, m, along the site's axes.
     """
 
     mjcf: str
     axes: Array
     tags: Mapping[int, tuple[str, float]]
     floor: Mapping[int, tuple[tuple[float, float], float, float]]
-    wrong: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
 
 
-def stage_of(problem: Problem, sheet: tuple[float, float] = (0.12, -0.14), scale: float = 1.0) -> Stage:
+def stage_of(problem: Problem, sheet: tuple[float, float] = (0.12, -0.14)) -> Stage:
     """A problem's robot with its tags, beside a floor sheet whose middle lies at a place, m.
 
     Args:
         problem: the robot's problem.
         sheet: forward and left, m.
-        scale: what the printer made of 1 mm, mm.
     """
-    tags = {int(n): (str(t.site), 1e-3 * scale * t.size_mm) for n, t in problem.file.tags.items() if t.site}
+    tags = {int(n): (str(t.site), 1e-3 * t.size_mm) for n, t in problem.file.tags.items() if t.site}
     return Stage(nominal_mjcf(problem), problem.roles.axes, tags, sheet_at(*sheet))
 
 
