@@ -16,20 +16,19 @@ if TYPE_CHECKING:
 GAIT = "baseline, gait file, exported table or run folder"
 
 
-def add_problem(parser: Parser, *, needed: bool = True, parameters: bool = True) -> None:
+def add_problem(parser: Parser, *, needed: bool = True) -> None:
     """Add PROBLEM, and ``--set`` for its named parameters."""
     about = "folder, problem TOML, or bundled name"
     parser.add_argument("problem", metavar="PROBLEM", help=about, nargs=None if needed else "?")
-    if parameters:
-        parser.add_argument(
-            "--set",
-            dest="parameters",
-            metavar="NAME=VALUE",
-            action="append",
-            default=[],
-            type=_assignment,
-            help="change a named model parameter; may be repeated",
-        )
+    parser.add_argument(
+        "--set",
+        dest="parameters",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        type=_assignment,
+        help="change a named model parameter; may be repeated",
+    )
 
 
 def add_gait(parser: Parser, logs: bool = False) -> None:

@@ -311,7 +311,8 @@ def diagnose(
     found = find_causes(gap, tried, context)
     on_progress(Progress(PREDICTING))
     robots = draw_robots(found, request.seed)
-    expected = predictions(found, robots, executor, request.seed)
+    odd = [trial.aligned.trial for trial in located.trials if trial.is_misfit]
+    expected = predictions(found, robots, executor, request.seed, misfits=odd)
     names = tuple(dict.fromkeys(one.effect.name for one in tried)) if found.candidates else ()
     located = replace(located, robots=robots, predictions=expected, tried=names)
     if found.verdict == "no_gap" or not request.next_gait:

@@ -19,6 +19,7 @@ from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.small_errors import tolerant_scenarios
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.effects.active import EffectValues
+from gaitopt.gait.drive import Drive
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.evaluator import assess_all
 from gaitopt.optimise.robots import Expected
@@ -91,6 +92,8 @@ def predictions(
     executor: Executor,
     seed: int,
     settings: PredictionSettings = PredictionSettings(),
+    *,
+    misfits: Sequence[Trial] = (),
 ) -> tuple[Prediction, ...]:
     """Return what is expected of each baseline and of each gait or log of the data set.
 
@@ -100,12 +103,14 @@ def predictions(
         executor: where robots are simulated.
         seed: seed of start poses and resamplings.
         settings: how many robots.
+        misfits: trials of the data set that fit no other, and told nothing.
     """
     problem = found.trial_set.problem
     trials = [one.aligned.trial for one in found.trial_set.trials]
     walked = problem.roles.marker is not None
     gaits = dict(problem.baselines) if walked else {}
-    filmed = {trial.drive.key: trial.drive for trial in trials}
+    filmed: dict[str, Drive] = {trial.drive.key: trial.drive for trial in trials}
+    filmed |= {one.drive.key: one.drive for one in misfits if walked and isinstance(one.drive, Gait)}
     if walked:
         known = {gait.key for gait in gaits.values()}
         own = [one for one in filmed.values() if isinstance(one, Gait) and one.key not in known]

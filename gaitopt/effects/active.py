@@ -119,7 +119,7 @@ def _active_effect(
 ) -> ActiveEffect:
     keys = [effect.parameter] + (["target"] if effect.target != "none" else [])
     for key in values:
-        if key not in keys:
+        if key not in keys and (key, values[key]) != ("target", ALL):  # which every effect may say
             raise unknown_name(source, "parameter", key, keys)
     if effect.parameter not in values:
         raise GaitoptError(f"{source}: {effect.parameter}: missing; it is required")

@@ -47,6 +47,12 @@ class MadeCases:
     kinds: tuple[str, ...]
     faint: tuple[str, ...]
 
+    def to_dict(self) -> dict[str, object]:
+        """Return what `gaitopt blind make --json` prints."""
+        return {"cases": len(self.kinds), "folder": str(self.folder), "sealed": str(self.sealed)} | {
+            "faint": list(self.faint)
+        }
+
 
 def blind_make(
     problem: Problem,

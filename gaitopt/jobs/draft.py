@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gaitopt.problem.draft import Draft, make_problem
+from gaitopt.problem.lookup import PROBLEM_FILE
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,22 @@ class NewProblem:
 
     folder: Path
     draft: Draft
+
+    def to_dict(self) -> dict[str, object]:
+        """Return what `gaitopt new --json` prints."""
+        draft, roles = self.draft, self.draft.roles
+        return {
+            "problem": str(self.folder / PROBLEM_FILE),
+            "family": draft.family,
+            "channels": [channel.name for channel in draft.channels],
+            "marker": roles.marker,
+            "pads": list(roles.pads),
+            "gaits": [gait.name for gait in draft.gaits],
+            "stance": draft.stance,
+            "guessed": list(draft.remarks),
+            "look": list(draft.warnings),
+            "changed": list(draft.changes),
+        }
 
 
 def draft_problem(

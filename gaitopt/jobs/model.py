@@ -6,22 +6,26 @@ from pathlib import Path
 
 from gaitopt.core.files import write_text
 from gaitopt.jobs.outputs import writing
-from gaitopt.problem.model import carrying, nominal_mjcf
+from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.self_contained import self_contained_mjcf
 
 
 def model(problem: Problem, out: Path | str | None = None) -> str:
-    """Return the nominal model as one MJCF, every number at full precision.
+    """Return the nominal model as one MJCF that needs no other file, every number at full precision.
+
+    Meshes have the single precision with which MuJoCo reads them; textures become their mean colour.
 
     Args:
         problem: the problem.
         out: where to write it.
 
     Raises:
-        GaitoptError: the model does not compile, or the file cannot be written.
+        GaitoptError: the model does not compile, it names a file that cannot be written into it, or the file
+            cannot be written.
     """
     with writing(problem, out):
-        text = nominal_mjcf(carrying(problem))
+        text = self_contained_mjcf(carrying(problem))
         if out is not None:
             write_text(Path(out), text)
     return text

@@ -26,7 +26,7 @@ from gaitopt.optimise.verification import Verified
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.report.settings import FILM, PAGE
-from gaitopt.runs.folder import JOURNAL_FILE, REQUEST_FILE
+from gaitopt.runs.folder import JOURNAL_FILE
 from gaitopt.runs.run_folder import SUMMARY_FILE, Reopened, RunFolder
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import check_searchable
@@ -90,14 +90,15 @@ class _Asked:
     posterior: Path | str | None
     out: Out
 
-    def check_resumed(self, folder: Path | str) -> None:
-        """Check that no option is set that a resumed run takes from its folder.
+    def check_resumed(self, folder: Path | str, request: Request) -> None:
+        """Check that no option differs from what a resumed run takes from its folder.
 
         Raises:
-            GaitoptError: something is.
+            GaitoptError: one does.
         """
         for field in fields(self):
-            if getattr(self, field.name) is not None:
+            asked = getattr(self, field.name)
+            if asked is not None and asked != getattr(request, field.name, None):
                 name = field.name.replace("_", "-")
                 raise GaitoptError(f"--{name}: not with --resume, which takes it from {folder}")
 
@@ -190,8 +191,9 @@ def optimise(
     asked = _Asked(budget, seed, method, warm_start, pareto, posterior, out)
     work = _Work(full, full and sensitivity, executor, workers, on_progress)
     if resume is not None:
-        asked.check_resumed(resume)
-        return _in_folder(lambda: RunFolder.reopen(Path(resume)), work)
+        reopened = RunFolder.reopen(Path(resume))
+        asked.check_resumed(resume, reopened.request)
+        return _in_folder(lambda: reopened, work)
     if problem is None:
         raise GaitoptError("optimise: found no problem and no run to resume")
     problem, request = over_posterior(carrying(problem), posterior), asked.request()
@@ -223,15 +225,12 @@ def _in_folder(open_run: Callable[[], Reopened], work: _Work) -> OptimiseRun:
             folder = stack.enter_context(run.folder)
         stack.enter_context(_stoppable(folder, run.problem))
         finished = folder.summary
-        if finished is not None and (folder.has_page or not run.same_versions):
+        if finished is not None and not (run.same_versions and folder.lacks_page):
             return OptimiseRun(finished, folder.path, None)
         problem = carrying(run.problem)
         journal = folder.open_journal(problem)
         if finished is not None and len(journal.entries) < finished.evaluations:
-            raise GaitoptError(
-                f"{folder.journal}: found {len(journal.entries)} evaluations; allowed: "
-                f"{finished.evaluations}, as in {SUMMARY_FILE}, to write the page again"
-            )
+            return OptimiseRun(finished, folder.path, None)  # too little is left for a page
         with opened(work.executor, work.workers) as pool:
             told = work.numbered(run.request)
             optimised = search.optimise(problem, run.request, journal, pool, told)
@@ -265,20 +264,6 @@ def _write_page(
             else []
         )
         write_report(folder, problem, optimised, work.full, found, on_progress)
-
-
-def check_no_run(reference: str) -> None:
-    """Check that a problem is not the folder of a run: who names it seldom wants another search of 600 gaits.
-
-    Raises:
-        GaitoptError: it is.
-    """
-    if (Path(reference) / REQUEST_FILE).is_file():
-        path = shlex.quote(reference)
-        raise GaitoptError(
-            f"{reference}: holds a run; --resume {path} goes on with it or prints its result; "
-            "--out DIR searches again for its robot"
-        )
 
 
 @contextmanager

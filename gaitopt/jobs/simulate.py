@@ -47,13 +47,15 @@ class Rollout:
     takes: tuple[Take, ...] = field(default=(), repr=False)
 
     def to_dict(self) -> dict[str, object]:
-        """Return the row that `gaitopt simulate` prints."""
+        """Return the row that `gaitopt simulate` prints; over a posterior, its metrics are means."""
         head: dict[str, object] = {
             "name": self.gait.name,
             "period_s": self.gait.period_s,
             "status": self.trajectory.status,
         }
-        return head | dict(self.metrics)
+        if self.over_robots is None:
+            return head | dict(self.metrics)
+        return head | self.over_robots.means | {"nominal": dict(self.metrics)}
 
 
 def simulate(

@@ -10,9 +10,10 @@ import numpy as np
 
 from gaitopt.core.statistics import spread90
 from gaitopt.gait.drive import Drive
-from gaitopt.optimise.evaluator import Outcome, assess_all
+from gaitopt.optimise.evaluator import Outcome, assess_all, judge
 from gaitopt.optimise.verification import evenly
 from gaitopt.problem.problem import Problem
+from gaitopt.simulation.metrics import Metrics
 from gaitopt.simulation.scenario import Scenario
 from gaitopt.simulation.setup import RobotSetup
 
@@ -49,19 +50,26 @@ class OverRobots:
         robots: how many were simulated.
         failed: how many of them failed; they have no metrics.
         metrics: what to expect of each metric, by name.
+        constraints_met: whether no robot failed, and every constraint holds over them.
     """
 
     robots: int
     failed: int
     metrics: dict[str, Expected]
+    constraints_met: bool
 
     @staticmethod
-    def of(outcomes: Sequence[Outcome]) -> OverRobots:
-        """Return what to expect from the outcome on each robot."""
+    def of(problem: Problem, outcomes: Sequence[Outcome]) -> OverRobots:
+        """Return what to expect from the outcome on each robot of a problem."""
         names = list(outcomes[0].metrics)
         failed = sum(outcome.status != "ok" for outcome in outcomes)
         metrics = {name: Expected.of([outcome.metrics[name] for outcome in outcomes]) for name in names}
-        return OverRobots(len(outcomes), failed, metrics)
+        return OverRobots(len(outcomes), failed, metrics, judge(problem, outcomes).constraints_met)
+
+    @property
+    def means(self) -> Metrics:
+        """The mean of each metric, by name."""
+        return {name: one.mean for name, one in self.metrics.items()}
 
     def to_dict(self) -> dict[str, object]:
         """Return the figures for JSON."""
@@ -89,4 +97,4 @@ def over_robots(work: Sequence[tuple[RobotSetup, Drive]], executor: Executor) ->
     """
     units = [(setup, drive, index) for setup, drive in work for index in range(len(setup.scenarios))]
     done = iter(assess_all(units, executor))
-    return [OverRobots.of([next(done) for _ in setup.scenarios]) for setup, _ in work]
+    return [OverRobots.of(setup.problem, [next(done) for _ in setup.scenarios]) for setup, _ in work]

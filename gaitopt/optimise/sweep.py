@@ -106,11 +106,13 @@ class SweptPoint:
     over_robots: OverRobots | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the row of ``sweep.json``: the figures, then the metrics."""
-        row = dict(vars(self))
-        metrics: Metrics = row.pop("metrics")
-        over = row.pop("over_robots")
-        return row | metrics | ({} if over is None else {"posterior": over.to_dict()})
+        """Return the row of ``sweep.json``: the figures, then the metrics, over a posterior their means."""
+        row, over = dict(vars(self)), self.over_robots
+        del row["metrics"], row["over_robots"]
+        if over is None:
+            return row | self.metrics
+        row["constraints_met"] = over.constraints_met
+        return row | over.means | {"nominal": self.metrics, "posterior": over.to_dict()}
 
 
 def sweep(points: Sequence[SweepPoint], executor: Executor) -> list[SweptPoint]:

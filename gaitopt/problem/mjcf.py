@@ -130,7 +130,7 @@ def checked_text(root: ET.Element, path: Path, assets: Mapping[str, bytes]) -> s
     if parsed.find(".//include") is not None:
         raise GaitoptError(f"{path}: found an <include> in what MuJoCo is to read; allowed: none")
     folders = _asset_folders(parsed, path)
-    for element, key, name in _names_of_files(parsed):
+    for element, key, name in names_of_files(parsed):
         if _asset_name(element, name, folders) not in assets:
             raise bad_value(path, f"{element.tag} {key}", name, "a file in the problem's folder")
     check_limits(parsed, path, assets)
@@ -163,7 +163,7 @@ def named_files(
     """
     folder, places = mjcf.parent, _asset_folders(root, mjcf)
     assets = {}
-    for element, key, name in _names_of_files(root):
+    for element, key, name in names_of_files(root):
         asked = _asset_name(element, name, places)
         path = inside(folder, asked)
         if path is None or Path(name).is_absolute():
@@ -195,7 +195,7 @@ def _asset_name(element: ET.Element, name: str, folders: Mapping[str, str]) -> s
     return f"{folders.get(element.tag, folders['mesh'])}{name}"
 
 
-def _names_of_files(root: ET.Element) -> Iterator[tuple[ET.Element, str, str]]:
+def names_of_files(root: ET.Element) -> Iterator[tuple[ET.Element, str, str]]:
     """Yield each attribute that names a file: its element, its key and the name."""
     for element in root.iter():
         for key, name in element.attrib.items():
@@ -221,7 +221,7 @@ def _alone(path: Path, data: bytes) -> bytes:
         root = parse_mjcf(path, data.decode("utf-8-sig"))
     except UnicodeDecodeError:
         raise GaitoptError(f"{path}: not UTF-8 text") from None
-    named = [name for _, _, name in _names_of_files(root)]
+    named = [name for _, _, name in names_of_files(root)]
     if named:
         raise bad_value(path, "file", named[0], "a model to attach that names no files")
     return ET.tostring(root)

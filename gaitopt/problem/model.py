@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -197,8 +198,19 @@ def _set_attribute(root: ET.Element, path: str, template: str, parameter: Parame
     if not elements:
         raise bad_value(source, "path", path, "an XPath, from the mujoco element, that finds something")
     text = template.replace("{}", repr(parameter.value))
+    if attribute.endswith("range") and not any(map(_number, text.split())):
+        allowed = "another number: MuJoCo takes the range 0 0 for none"
+        raise bad_value(source.removesuffix(".sets"), "value", parameter.value, allowed)
     for element in elements:
         element.set(attribute, text)
+
+
+def _number(word: str) -> float:
+    """Return the number that a word is; NaN for another word."""
+    try:
+        return float(word)
+    except ValueError:
+        return math.nan
 
 
 def _set_fidelity(root: ET.Element, fidelity: Fidelity) -> None:

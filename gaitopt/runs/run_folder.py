@@ -189,9 +189,9 @@ class RunFolder:
         return Summary.read(path) if path.exists() else None
 
     @property
-    def has_page(self) -> bool:
-        """Whether the page was written, which is the last step of a run."""
-        return (self.path / PAGE_FILE).is_file()
+    def lacks_page(self) -> bool:
+        """Whether the page, the last step of a run, is to be written, and there is what it shows."""
+        return self.journal.is_file() and not (self.path / PAGE_FILE).is_file()
 
     def file(self, name: str, content: str | Callable[[Path], object]) -> Path:
         """Write one file of the run whole or not at all, and return its path; see `write_into`."""

@@ -84,16 +84,20 @@ def test_a_slip_of_the_finger_names_what_was_meant(gaitopt: Run, arguments: list
 
 
 @pytest.mark.parametrize("command", ["optimise", "optimize"])
-def test_no_search_begins_by_accident(gaitopt: Run, finished: Path, command: str) -> None:
-    """Nothing is searched without a problem, for the help, or for the robot of a run that was named."""
+def test_no_search_begins_by_accident(gaitopt: Run, command: str) -> None:
+    """Nothing is searched without a problem, or for the help."""
     assert gaitopt(command)[0] == 2
     assert gaitopt(command, "--help")[0] == 0
-    before = sorted(finished.rglob("*"))
-    code, out, err = gaitopt(command, finished)
-    assert (code, out) == (1, "")
-    assert f"--resume {finished}" in err
-    assert "--out DIR" in err
     assert list(Path().iterdir()) == []
+
+
+def test_a_run_is_a_problem_of_another_search(gaitopt: Run, finished: Path) -> None:
+    """The search says which command goes on with the run itself."""
+    before = sorted(finished.rglob("*"))
+    code, _, err = gaitopt("optimise", finished, "--budget", 1, "--no-warm-start", "--quiet")
+    assert code == 0
+    assert f"--resume {finished} continues" in err
+    assert [path.name for path in Path("results/runs").iterdir()] == ["strider-001"]
     assert sorted(finished.rglob("*")) == before
 
 

@@ -121,6 +121,19 @@ def test_baselines_and_filmed_gaits_are_predicted_over_the_robots(strider: Probl
         assert content["speed_m_s"] == {"mean": row.speed.mean, "ci90": [low, high]}
 
 
+def test_the_gait_of_a_misfit_is_predicted_by_the_others(strider: Problem) -> None:
+    stride, square = strider.baselines["stride"], strider.baselines["square"].with_period(0.9)
+    found = causes(strider, [stride], 0.0)
+    slipped: Any = SimpleNamespace(drive=square)
+    with open_executor("serial", None) as executor:
+        rows = predictions(found, [()], executor, 1, PredictionSettings(robots=1), misfits=[slipped])
+    assert [(row.gait, row.filmed) for row in rows][-1] == (
+        "square (2)" if square.name == "square" else square.name,
+        True,
+    )
+    assert rows[-1].speed is not None
+
+
 def test_a_log_has_the_error_that_is_left_of_it(strider: Problem) -> None:
     drive: Any = SimpleNamespace(key="log", name="log", period_s=None)
     found = causes(strider, [drive], 2e-3)

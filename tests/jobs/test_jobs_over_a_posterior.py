@@ -14,6 +14,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import Stream
 from gaitopt.optimise.evaluator import assess
 from gaitopt.optimise.recorder import Recorder
+from gaitopt.optimise.run import Request
 from gaitopt.optimise.verification import evenly, scenarios_of
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.posterior import with_posterior
@@ -62,7 +63,7 @@ def test_robots_are_taken_evenly() -> None:
     assert evenly(robots, 4) == [0, 2, 5, 7]  # type: ignore[arg-type, comparison-overlap]
 
 
-def test_a_simulation_gives_the_robots_beside_the_nominal_one(strider: Problem, capsys: Printed) -> None:
+def test_a_simulation_gives_the_robots_in_place_of_the_nominal_one(strider: Problem, capsys: Printed) -> None:
     folder = diagnosed(Path("dg"))
     plain, rollout = simulate(strider, "square"), simulate(strider, "square", posterior=folder)
     assert rollout.metrics == plain.metrics
@@ -76,7 +77,8 @@ def test_a_simulation_gives_the_robots_beside_the_nominal_one(strider: Problem, 
     assert speed.ci90 == pytest.approx(tuple(np.quantile(speeds, (0.05, 0.95))), rel=1e-12)
     assert cli.main(["simulate", str(STRIDER), "square", "--posterior", "dg", "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert printed["rows"][0]["speed_m_s"] == plain.metrics["speed_m_s"]
+    assert printed["rows"][0]["speed_m_s"] == speed.mean
+    assert printed["rows"][0]["nominal"]["speed_m_s"] == plain.metrics["speed_m_s"]
     assert printed["posterior"]["metrics"]["speed_m_s"] == {"mean": speed.mean, "ci90": list(speed.ci90)}
     assert (printed["posterior"]["robots"], printed["posterior"]["failed"]) == (16, 0)
     assert cli.main(["simulate", str(STRIDER), "square", "--posterior", "dg"]) == 0
@@ -100,6 +102,10 @@ def test_a_sweep_gives_the_robots_at_each_value(strider: Problem, capsys: Printe
     plain = sweep(strider, "square", over="period_s=0.5,1").rows
     assert [row.metrics for row in rows] == [row.metrics for row in plain]
     assert [row.over_robots.robots for row in rows if row.over_robots] == [16, 16]
+    printed, over = rows[0].to_dict(), rows[0].over_robots
+    assert over is not None
+    assert printed["speed_m_s"] == over.metrics["speed_m_s"].mean != plain[0].metrics["speed_m_s"]
+    assert printed["nominal"]["speed_m_s"] == plain[0].metrics["speed_m_s"]
     arguments = ["sweep", str(STRIDER), "square", "--over", "period_s=0.5", "--posterior", "dg", "--out", "s"]
     assert cli.main(arguments) == 0
     assert "their speed" in capsys.readouterr().out
@@ -136,8 +142,6 @@ def test_a_search_over_a_posterior_is_resumed_without_its_diagnosis(
 
 def test_a_run_says_when_its_robots_were_changed(strider: Problem) -> None:
     over = with_posterior(strider, diagnosed(Path("dg")))
-    from gaitopt.optimise.run import Request
-
     with RunFolder.create(Path("run"), over, Request(budget=4)) as folder:
         folder.open_journal(over)
         folder.journal.write_text(folder.journal.read_text() + "1\n")  # so that it is kept
@@ -151,14 +155,13 @@ def test_a_run_says_when_its_robots_were_changed(strider: Problem) -> None:
 
 
 def test_a_run_without_a_posterior_says_nothing_of_robots(strider: Problem) -> None:
-    from gaitopt.optimise.run import Request
-
     with RunFolder.create(Path("run"), strider, Request(budget=4)):
         assert "robots" not in Path("run/run.toml").read_text()
         assert not Path("run/posterior.csv").exists()
 
 
-def test_the_posterior_is_not_chosen_again_on_resuming() -> None:
+def test_the_posterior_is_not_chosen_again_on_resuming(strider: Problem) -> None:
+    optimise(strider, budget=1, warm_start=False, out="run")
     with pytest.raises(GaitoptError, match=r"--posterior: not with --resume, which takes it from run"):
         optimise(posterior="dg", resume="run")
 

@@ -46,6 +46,19 @@ def test_a_search_needs_a_problem_or_a_run() -> None:
 def test_nothing_is_left_where_a_request_is_wrong(strider: Problem) -> None:
     with pytest.raises(GaitoptError, match="--budget: found 0"):
         optimise(strider, budget=0, out="run")
+    assert not list(Path().iterdir())
+
+
+def test_a_finished_run_is_printed_again_whatever_is_left_of_it(strider: Problem) -> None:
+    """Without its page and its evaluations, too; its own options may be said again, others may not."""
+    whole = optimise(strider, budget=3, seed=5, warm_start=False, out="run")
+    for name in ("evaluations.csv", "report.html"):
+        Path("run", name).unlink()
+    left = sorted(Path("run").rglob("*"))
+    read = optimise(budget=3, seed=5, warm_start=False, resume="run")
+    assert to_json(read.summary.to_dict()) == to_json(whole.summary.to_dict())
+    assert sorted(Path("run").rglob("*")) == left
     with pytest.raises(GaitoptError, match="--pareto: not with --resume, which takes it from run"):
         optimise(pareto=True, resume="run")
-    assert not list(Path().iterdir())
+    with pytest.raises(GaitoptError, match="--budget: not with --resume, which takes it from run"):
+        optimise(budget=4, resume="run")

@@ -160,9 +160,11 @@ def test_a_gait_called_as_the_data_set_itself_is_not_overwritten(tmp_path: Path)
     walk, gait = tmp_path / "walk.csv", tmp_path / "dataset.toml"
     walk.write_text("t_s,x_m\n" + "\n".join(f"{0.1 * i},{i}" for i in range(30)))
     gait.write_text(GAIT)
-    said = refused(lambda: import_files([walk], [str(gait)], tmp_path / "out", ImportOptions()))
-    assert "a data set has a file of this name" in said
-    assert not (tmp_path / "out").exists()
+    import_files([walk], [str(gait)], tmp_path / "out", ImportOptions())
+    (copy,) = (path for path in (tmp_path / "out").glob("*.toml") if path.name != "dataset.toml")
+    assert copy.name == f"{tmp_path.name}-dataset.toml"
+    assert copy.read_text() == GAIT
+    assert f'gait = "{copy.name}"' in (tmp_path / "out" / "dataset.toml").read_text()
 
 
 def test_no_gait_takes_the_place_of_a_file_of_the_data_set(tmp_path: Path) -> None:
@@ -174,10 +176,13 @@ def test_no_gait_takes_the_place_of_a_file_of_the_data_set(tmp_path: Path) -> No
         gaits.append(str(tmp_path / name))
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(f"{GAIT}# {name}\n")
-    for pair, said in ((gaits[:2], "another gait has"), (gaits[1:], "a data set has")):
-        found = refused(lambda pair=pair: import_files(walks, pair, tmp_path / "out", ImportOptions()))  # type: ignore[misc]
-        assert f"{said} a file of this name" in found
-        assert not (tmp_path / "out").exists()
+    for number, (pair, names) in enumerate(
+        ((gaits[:2], ["gait.toml", "b-gait.toml"]), (gaits[1:], ["gait.toml", "a-run.csv"]))
+    ):
+        out = tmp_path / f"out-{number}"
+        import_files(walks, pair, out, ImportOptions())
+        assert [(out / name).read_text() for name in names] == [Path(gait).read_text() for gait in pair]
+        assert {path.name for path in out.iterdir()} == {"dataset.toml", "walk.csv", "run.csv", *names}
     import_files(walks, gaits[:1], tmp_path / "out", ImportOptions())
     assert (tmp_path / "out" / "gait.toml").read_text() == f"{GAIT}# a/gait.toml\n"
 

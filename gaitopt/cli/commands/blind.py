@@ -14,8 +14,7 @@ _EXAMPLE = "gaitopt blind make arcfold --cases 10 --seed 1 --out cases"
 
 def add_make_options(parser: Parser) -> None:
     """Add the options of ``blind make``."""
-    add_problem(parser, parameters=False)
-    parser.set_defaults(parameters=[])
+    add_problem(parser)
     add = parser.add_argument
     add("--cases", type=int, metavar="N", required=True, help="number of cases")
     add("--seed", type=int, default=1, help="seed of all randomness (default: 1)")
@@ -26,6 +25,7 @@ def add_make_options(parser: Parser) -> None:
     add("--signals", metavar="A,B,…", help=about)
     add("--kind", choices=KINDS, help="make only this kind")
     add("--only", metavar="NAME", help="with --kind: plant this effect or disturbance")
+    add_json(parser)
     add_executor(parser)
 
 
@@ -46,6 +46,9 @@ def make(options: Options) -> None:
         executor=options.executor,
         workers=options.workers,
     )
+    if options.json:
+        print_json(made.to_dict())
+        return
     say(f"{len(made.kinds)} cases: {made.folder}; their truth: {made.sealed}")
     if made.faint:
         say(f"gap too small within their bounds, for some target or side: {', '.join(made.faint)}")

@@ -5,12 +5,13 @@ from __future__ import annotations
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.commands.optimise import print_run, print_stopped
 from gaitopt.cli.lines import say
-from gaitopt.cli.options import add_quiet, add_run_folder
+from gaitopt.cli.options import add_json, add_quiet, add_run_folder
 
 
 def add_options(parser: Parser) -> None:
     """Add the options."""
     add_run_folder(parser)
+    add_json(parser)
     add_quiet(parser)
 
 
@@ -22,7 +23,7 @@ def run(options: Options) -> None:
     from gaitopt.jobs.outputs import NUMBERED, Stopped
 
     try:
-        with display(options.quiet) as on_progress:
+        with display(options.quiet or options.json) as on_progress:
             done = optimise(
                 demo.demo_problem(),
                 budget=demo.BUDGET,
@@ -34,8 +35,9 @@ def run(options: Options) -> None:
     except Stopped as stop:
         print_stopped(stop)
         raise
-    print_run(done, as_json=False)
-    say("This was a brief search over few scenarios. For the real thing, type: gaitopt optimise arcfold")
+    print_run(done, options.json)
+    if not options.json:
+        say("This was a brief search over few scenarios. For the real thing, type: gaitopt optimise arcfold")
 
 
 COMMAND = Command(

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from gaitopt.cli.command import Command, Options, Parser
-from gaitopt.cli.lines import say
+from gaitopt.cli.lines import print_json, say
+from gaitopt.cli.options import add_json
 
 
 def add_options(parser: Parser) -> None:
@@ -20,6 +21,7 @@ def add_options(parser: Parser) -> None:
     )
     add("--from-motors", action="store_true", help="make position servos of motors, from gear and range")
     add("--out", type=Path, metavar="DIR", help="the folder (default: NAME)")
+    add_json(parser)
 
 
 def run(options: Options) -> None:
@@ -30,6 +32,9 @@ def run(options: Options) -> None:
         options.name, options.mjcf, options.out, from_motors=options.from_motors, family=options.family
     )
     draft, folder = made.draft, made.folder
+    if options.json:
+        print_json(made.to_dict())
+        return
     roles = draft.roles
     channels = ", ".join(channel.name for channel in draft.channels)
     say(f"channels: {channels}; marker: {roles.marker}; pads: {', '.join(roles.pads) or 'none'}")

@@ -48,12 +48,15 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Search or continue a search, and print the result."""
     from gaitopt.cli.progress import display
-    from gaitopt.jobs.optimise import check_no_run, optimise
+    from gaitopt.jobs.optimise import optimise
     from gaitopt.jobs.outputs import NUMBERED, Stopped
+    from gaitopt.runs.folder import REQUEST_FILE
 
     resumed = options.resume
-    if resumed is None and options.out is None:
-        check_no_run(options.problem)
+    if resumed is None and (Path(options.problem) / REQUEST_FILE).is_file() and not options.json:
+        say_aside(
+            f"a new search for the robot of a run, which --resume {shlex.quote(options.problem)} continues"
+        )
     if resumed is not None and options.parameters:
         raise GaitoptError(f"--set: not with --resume, which takes it from {resumed}")
     try:

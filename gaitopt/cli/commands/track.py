@@ -133,7 +133,7 @@ def run(options: Options) -> None:
         readout_ms=options.readout_ms,
         points=points(options.points, options.lengths, options.view),
     )
-    with display(options.quiet) as show:
+    with display(options.quiet or options.json) as show:
         problem = problem_of(options)
         done = track(options.films, problem, options.gait, options.out, unsaid, show, options.report)
     if options.json:

@@ -184,7 +184,7 @@ def _noises(trials: Sequence[Trial], settings: FloorSettings) -> list[dict[str, 
 
 def _noise(trial: Trial, name: str) -> float:
     """Return the standard deviation of a signal's noise in one recording, m or rad."""
-    if trial.noise_m is not None and is_position(name):
+    if trial.noise_m and is_position(name):
         return trial.noise_m
     noise = noise_of(trial.signals[name][trial.used[name]])
     return max(noise, uniform_sd(trial.steps_rad.get(name, 0.0)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,26 +32,23 @@ class Commanded:
     def beside(self, folder: Path, taken: Collection[str]) -> str:
         """Copy the gait's file into a data set's folder; return the name to refer to.
 
+        Where another file has its name, as of several runs or films, it gets that of its folder, too, or a
+        number.
+
         Args:
             folder: the data set.
             taken: names of the data set's own files.
-
-        Raises:
-            GaitoptError: a file of this name is there already.
         """
         if self.file is None:
             return self.reference
-        data = read_bytes(self.file)
-        names = [self.file.name]
-        if self.file.name == BEST_FILE:  # of several runs
-            names.append(f"{self.file.absolute().parent.name}-{BEST_FILE}")
-        for name in names:
+        data, file = read_bytes(self.file), self.file.absolute()
+        numbered = (f"{file.stem}-{number}{file.suffix}" for number in itertools.count(2))
+        for name in itertools.chain([file.name, f"{file.parent.name}-{file.name}"], numbered):
             copy = folder / name
             if name not in taken and (not copy.exists() or read_bytes(copy) == data):
-                write_bytes(copy, data)
-                return name
-        what = "a data set has a file" if names[-1] in taken else "another gait has a file"
-        raise GaitoptError(f"--gait: {self.file}: {what} of this name; rename the gait's")
+                break
+        write_bytes(copy, data)
+        return name
 
 
 def commanded(reference: str, problem: Problem | None) -> Commanded:

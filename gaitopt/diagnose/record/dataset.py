@@ -65,7 +65,7 @@ class TrialFile(BaseModel):
         starts_at_gait_time_s: gait time at the recording's zero; ``unknown`` where it is not known, as is the
             default for a gait. For commands it is the time of the log's clock at the recording's zero, and
             0 by default: both have one clock.
-        noise_m: standard deviation of the marker's noise, where it is known.
+        noise_m: standard deviation of the marker's noise, where it is known; 0 is as none.
         fps: frame rate of the recording, where it is known.
         signals: column of each signal measured.
     """
@@ -79,7 +79,7 @@ class TrialFile(BaseModel):
     file: _Name
     time: _Name = "t_s"
     starts_at_gait_time_s: _Start = None
-    noise_m: _Positive | None = None
+    noise_m: Annotated[float, Field(ge=0.0, allow_inf_nan=False), PLAIN_NUMBER] | None = None
     fps: _Positive | None = None
     signals: Annotated[dict[Name, Name], Field(min_length=1)]
 

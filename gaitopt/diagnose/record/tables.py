@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,10 +61,12 @@ class TextTable:
             largest: a larger number is refused.
 
         Raises:
-            GaitoptError: there is no such column, or a cell is not a number.
+            GaitoptError: there is no such column, or two of this name, or a cell is not a number.
         """
         if name not in self.head:
             raise unknown_name(self.source, "column", name, self.head)
+        if self.head.count(name) > 1:
+            raise GaitoptError(f"{self.source}: column {name!r} appears twice")
         index = self.head.index(name)
         numbers = np.empty(len(self.rows))
         for at, row in enumerate(self.rows):
@@ -140,14 +141,10 @@ def table(path: Path, rows: Cells, head: Sequence[str], begin: int, decimal: str
     """Return the rows from index `begin` under the names `head`.
 
     Raises:
-        GaitoptError: there are no rows or too many columns, a name is repeated, or a row is longer than
-            the names.
+        GaitoptError: there are no rows or too many columns, or a row is longer than the names.
     """
     if len(head) > MOST_COLUMNS:
         raise GaitoptError(f"{path}: found {len(head)} columns; allowed: at most {MOST_COLUMNS}")
-    repeated = next((name for name, count in Counter(head).items() if name and count > 1), None)
-    if repeated is not None:
-        raise GaitoptError(f"{path}: column {repeated!r} appears twice")
     filled = []
     for index, row in enumerate(rows[begin:]):
         if len(row) > len(head) and any(row[len(head) :]):

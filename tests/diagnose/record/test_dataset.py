@@ -120,7 +120,7 @@ def test_several_samples_may_share_a_time_stamp(folder: Path, arcfold: Problem) 
         ("walk.csv", "0.500,", ",", "line 12: t_s is missing"),
         ("walk.csv", "10.0000", "ten", "line 12, column x_mm: found 'ten'"),
         ("walk.csv", "10.0000,0.0", "10.0000,0.0,3", "line 12: 4 cells under 3 column names"),
-        ("walk.csv", "x_mm", "t_s", "'t_s' appears twice"),
+        ("walk.csv", "bend_deg", "t_s", "'t_s' appears twice"),
     ],
 )
 def test_one_line_says_what_is_wrong(
@@ -141,6 +141,20 @@ def test_unknown_units(folder: Path, arcfold: Problem, column: str) -> None:
 def test_fewer_than_two_cycles(folder: Path, arcfold: Problem) -> None:
     edited(folder / "dataset.toml", "square-1s", "square-2s")
     assert "fewer than two cycles of 2 s" in refused(folder, arcfold)
+
+
+def test_columns_that_are_not_asked_for_may_have_one_name(folder: Path, arcfold: Problem) -> None:
+    path = folder / "walk.csv"
+    head, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([f"{head},note,note", *(f"{row},a,b" for row in rows)]))
+    (trial,) = load_dataset(folder, arcfold, KNOWN).trials
+    assert set(trial.signals) == {"marker.x", "joint.mid_left"}
+
+
+def test_a_noise_of_zero_is_as_none(folder: Path, arcfold: Problem) -> None:
+    edited(folder / "dataset.toml", 'name = "walk"', 'name = "walk"\nnoise_m = 0.0')
+    (trial,) = load_dataset(folder, arcfold, KNOWN).trials
+    assert trial.noise_m == 0.0
 
 
 def test_two_cycles_to_the_last_frame_are_enough(folder: Path, arcfold: Problem) -> None:
