@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -299,19 +300,41 @@ class Link:
 
     def relative(self, q: Array) -> Relative:
         """Return turn and shift of the other body in the frame of the one, by the model."""
-        data = self.data
-        data.qpos[:] = self.model.key_qpos[0]
-        address = self.model.jnt_qposadr
-        data.qpos[address[list(self.joints)]] = q
-        for led, leading, coefficients in self.equalities:
-            away = float(data.qpos[address[leading]] - self.model.qpos0[address[leading]])
+        data, (first, second) = self.data, self._sites
+        qpos = self._rest.copy()
+        qpos[self._addresses] = q
+        for led, leading, coefficients in self._ties:
+            away = qpos[leading] - self.model.qpos0[leading]
             value = 0.0
             for coefficient in reversed(coefficients):
                 value = value * away + coefficient
-            data.qpos[address[led]] = self.model.qpos0[address[led]] + value
+            qpos[led] = self.model.qpos0[led] + value
+        data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, data)
-        (turn_one, place_one), (turn, place) = (_site(data, b.site) for b in (self.one, self.other))
-        return turn_one.T @ turn, turn_one.T @ (place - place_one)
+        turns, places = data.site_xmat, data.site_xpos
+        back = turns[first].reshape(3, 3).T
+        return back @ turns[second].reshape(3, 3), back @ (places[second] - places[first])
+
+    # What each of thousands of poses needs is looked up once.
+
+    @cached_property
+    def _rest(self) -> Array:
+        return np.array(self.model.key_qpos[0])
+
+    @cached_property
+    def _addresses(self) -> list[int]:
+        return [int(self.model.jnt_qposadr[joint]) for joint in self.joints]
+
+    @cached_property
+    def _ties(self) -> tuple[Tie, ...]:
+        """The constraints, with the places of the joints' angles."""
+        place = self.model.jnt_qposadr.tolist()
+        return tuple((place[led], place[leading], numbers) for led, leading, numbers in self.equalities)
+
+    @cached_property
+    def _sites(self) -> tuple[int, int]:
+        one, other = (self.model.site(body.site).id for body in (self.one, self.other))
+        return int(one), int(other)
 
 
 def _relative(one: Pose, other: Pose) -> Relative:

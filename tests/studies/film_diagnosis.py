@@ -8,7 +8,7 @@ Each is diagnosed three times: from the tracked films; from the true signals at 
 noise as large as tracking states; and from the true marker alone with that noise. Writes diagnoses.csv; rows
 that are there already are kept.
 
-Cost: 20 min of one core.
+Cost: 20 to 45 min of one core.
 """
 
 from __future__ import annotations
