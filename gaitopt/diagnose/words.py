@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.gap.components import LARGEST_SIZE
@@ -13,9 +13,9 @@ from gaitopt.diagnose.gap.split import Split
 from gaitopt.diagnose.gap.where import by_component
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.causes import Causes
-from gaitopt.diagnose.judge.gap import Gap
 from gaitopt.diagnose.judge.unevenness import UNEVEN
 from gaitopt.diagnose.next_words import what_next
+from gaitopt.diagnose.shown_gap import angle, millimetres, shown_gap
 from gaitopt.diagnose.trial_gap import SIGNIFICANT, TrialGap
 from gaitopt.optimise.robots import Expected
 from gaitopt.robot.signals import is_position
@@ -49,7 +49,8 @@ def answer(diagnosis: Diagnosis) -> str:
         within = diagnosis.verdict == "partly_explained" and gap.gap.after <= gap.gap.floor
         kind = "uneven" if within and diagnosis.found.unevenness_left > UNEVEN else diagnosis.verdict
         kind = _doubt(diagnosis.found) if kind == "ambiguous" else kind
-        return f"{_VERDICTS[kind].format(*_who(diagnosis))} The gap: {_before_after(gap)}."
+        kind = "hopeless" if kind == "unexplained" and diagnosis.correction is None else kind
+        return f"{_VERDICTS[kind].format(*_who(diagnosis))} The gap: {gap.in_words}."
     text = f"There is a gap: {figures}{_angles_too(diagnosis)}."
     for first in diagnosis.where[:1]:  # nothing where every part of the gap is within the floor
         part = f"{first.component} of {first.signal} in trial {first.trial}"
@@ -59,31 +60,6 @@ def answer(diagnosis: Diagnosis) -> str:
             first = replace(first, share=whole.share)
         text += f" The largest part of it is {part} ({first.share:.0%})."
     return text
-
-
-@dataclass(frozen=True)
-class ShownGap:
-    """The gap that is put into words: the marker's, or that of the angles where no marker was measured.
-
-    Attributes:
-        gap: the gap, m or rad.
-        of: what it is the gap of.
-        amount: returns a length or an angle in words.
-        in_rad: whether it is an angle.
-    """
-
-    gap: Gap
-    of: str
-    amount: Callable[[float], str]
-    in_rad: bool = False
-
-
-def shown_gap(diagnosis: Diagnosis) -> ShownGap:
-    """Return the gap that is put into words."""
-    angles = None if diagnosis.measures_positions else diagnosis.gap_angles
-    if angles is None:
-        return ShownGap(diagnosis.gap, "the marker", _mm)
-    return ShownGap(angles, "the angles", angle, in_rad=True)
 
 
 def _angles_too(diagnosis: Diagnosis) -> str:
@@ -106,7 +82,9 @@ _VERDICTS = {
     "uncertain": "The gap is explained by {0}. It is not certain that {1} {3} at work.",
     "together": "The gap is explained by {0}, but not certainly: each effect changes little.",
     "partly_explained": "{0} {2} only a part of the gap; there is another cause.",
-    "unexplained": "No effect of the library explains the gap of held-out trials. The best of them is {0}.",
+    "unexplained": "No effect of the library explains the gap of held-out trials. The best correction: {0}.",
+    "hopeless": "No effect of the library explains the gap of held-out trials, and none predicts them better "
+    "than the nominal robot does. The most probable one is {0}.",
 }
 
 
@@ -115,6 +93,8 @@ def _who(diagnosis: Diagnosis) -> tuple[str, str, str, str]:
     found = diagnosis.found
     if found is None or found.best is None:
         return "", "", "", ""
+    if not found.causes:
+        return with_values(diagnosis.correction or found.best), "", "", ""
     verb = "explains" if len(found.best.hypotheses) == 1 else "explain"
     others = _others(found)
     if others:
@@ -142,7 +122,7 @@ def how_far(diagnosis: Diagnosis) -> str:
     if candidate is None:
         return ""
     shown = replace(shown_gap(diagnosis), gap=diagnosis.gap_with(candidate))
-    text = f"Corrected by {with_values(candidate)}: {_before_after(shown)}."
+    text = f"Corrected by {with_values(candidate)}: {shown.in_words}."
     if diagnosis.verdict == "ambiguous":
         doubt = diagnosis.found is None or _doubt(diagnosis.found) == "ambiguous"
         return (
@@ -158,17 +138,6 @@ def with_values(candidate: Candidate) -> str:
         value = f"{h.value(at):.4g} {h.effect.unit}".strip()
         texts.append(f"{h.name} ({h.effect.parameter} = {value})")
     return " and ".join(texts)
-
-
-def _before_after(shown: ShownGap) -> str:
-    """Return the gap on held-out data in words."""
-    gap = shown.gap
-    before, after, floor = map(shown.amount, (gap.before, gap.after, gap.floor))
-    share = gap.shrinkage
-    shrinks = "" if share is None else f", which removes {share:.0%} of what is above the floor"
-    if share is not None and gap.after <= gap.floor:
-        shrinks = ", which is within the floor"
-    return f"{before} RMS of {shown.of} before, {after} after on held-out trials{shrinks}; floor {floor}"
 
 
 def _ranking(diagnosis: Diagnosis) -> list[str]:
@@ -247,7 +216,9 @@ def expectation(diagnosis: Diagnosis) -> list[str]:
             left.setdefault(name, []).append(one.mean)
     texts = []
     for name, values in left.items():
-        low, high = (_mm(end) if is_position(name) else angle(end) for end in (min(values), max(values)))
+        low, high = (
+            millimetres(end) if is_position(name) else angle(end) for end in (min(values), max(values))
+        )
         texts.append(f"{name} {low}" if len(values) == 1 else f"{name} {low} to {high}")
     return [f"Expected RMS error where the same is recorded again: {', '.join(texts)}."] if texts else []
 
@@ -283,7 +254,7 @@ def _trial(trial: TrialGap) -> str:
     if positions:
         floor = marker_floor(trial.floors)
         gap = (
-            f"gap of {_mm(trial.aligned.marker_rms)} RMS, floor {_mm(floor)}, most of it "
+            f"gap of {millimetres(trial.aligned.marker_rms)} RMS, floor {millimetres(floor)}, most of it "
             f"{_main_part(trial, positions)}"
         )
     else:
@@ -304,7 +275,7 @@ def _of_log(trial: TrialGap) -> str:
         signals, apart, floor, amount = [worst], trial.aligned.rms(worst), trial.floors[worst].total, angle
     else:
         signals = [name for name in trial.floors if is_position(name)]
-        apart, floor, amount = trial.aligned.marker_rms, marker_floor(trial.floors), _mm
+        apart, floor, amount = trial.aligned.marker_rms, marker_floor(trial.floors), millimetres
     ratio = trial.ratios[worst]
     text = (
         f"{trial.name}: {worst} is {amount(apart)} RMS off, {ratio:.1f} times its floor of {amount(floor)}, "
@@ -382,16 +353,5 @@ def _what(part: Split, component: str) -> str:
 
 def _length(part: Split, value: float) -> str:
     if is_position(part.signal):
-        return _mm(value)
+        return millimetres(value)
     return f"{value:.3g} rad" if part.travel else angle(value)
-
-
-def angle(value: float) -> str:
-    """Return an angle, rad, in words; no finer than sensors are."""
-    degrees = math.degrees(value)
-    rad = f"{value:.3g}" if abs(value) >= 0.01 else f"{value:.4f}"
-    return f"{rad} rad ({degrees:.3g}°)" if abs(degrees) >= 1.0 else f"{rad} rad ({degrees:.2f}°)"
-
-
-def _mm(value: float) -> str:
-    return f"{1e3 * value:.3g} mm"

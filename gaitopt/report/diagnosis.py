@@ -12,8 +12,9 @@ from gaitopt.diagnose.correction import Correction
 from gaitopt.diagnose.diagnosis import Diagnosis
 from gaitopt.diagnose.judge.command_experiment import CommandExperiment
 from gaitopt.diagnose.next_words import what_it_tells
+from gaitopt.diagnose.shown_gap import shown_gap
 from gaitopt.diagnose.trial_gap import TrialGap
-from gaitopt.diagnose.words import answer, explanation, how_far, shown_gap
+from gaitopt.diagnose.words import answer, explanation, how_far
 from gaitopt.effects import EFFECTS
 from gaitopt.problem.problem import Problem
 from gaitopt.report import diagnosis_tables as tables
@@ -212,7 +213,7 @@ def _cause_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
 
 
 def _trial_pictures(diagnosis: Diagnosis, correction: Correction | None) -> dict[str, Picture]:
-    best = diagnosis.found.best if diagnosis.found else None
+    best = diagnosis.correction or (diagnosis.found.best if diagnosis.found else None)
     pictures: dict[str, Picture] = {}
     for index, trial in enumerate(diagnosis.trials):
         if trial.has_log:

@@ -1,4 +1,4 @@
-"""What an ambiguous answer leaves open, in words."""
+"""What an answer leaves open, in words."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -36,6 +36,42 @@ def test_other_effects_differ_from_those_that_are_not_certain(beside: list[str],
     found = SimpleNamespace(best=best, candidates=(best,), ambiguous_with=beside, causes=["lag"])
     gap = Gap(3e-3, 1e-3, 5e-4, (0.7, 0.9))
     diagnosis: Any = SimpleNamespace(
-        verdict="ambiguous", found=found, gap=gap, gap_angles=None, measures_positions=True
+        verdict="ambiguous",
+        found=found,
+        gap=gap,
+        gap_angles=None,
+        measures_positions=True,
+        correction=best,
     )
     assert answer(diagnosis).startswith(f"{said.format(both)} The gap: 3 mm RMS of the marker before")
+
+
+@pytest.mark.parametrize("corrects", [True, False])
+def test_an_answer_that_explains_nothing_names_the_best_correction_and_its_gap(corrects: bool) -> None:
+    """The most probable effect may predict held-out trials worse than the nominal robot does."""
+
+    def candidate(name: str) -> SimpleNamespace:
+        effect = SimpleNamespace(name=name, parameter="s", unit="")
+        return SimpleNamespace(hypotheses=[SimpleNamespace(name=name, effect=effect, value=float)], at=[0.1])
+
+    first, second = candidate("lag"), candidate("trim")
+    found = SimpleNamespace(best=first, candidates=(first, second), ambiguous_with=[], causes=[])
+    worse, better = Gap(3e-3, 4e-3, 5e-4, (-0.9, -0.1)), Gap(3e-3, 1e-3, 5e-4, (0.7, 0.9))
+    diagnosis: Any = SimpleNamespace(
+        verdict="unexplained",
+        found=found,
+        gap=worse,
+        gap_angles=None,
+        measures_positions=True,
+        correction=second if corrects else None,
+        gap_with=lambda chosen: better if chosen is second else worse,
+    )
+    said = answer(diagnosis)
+    assert said.startswith("No effect of the library explains the gap of held-out trials")
+    if corrects:
+        assert (
+            "The best correction: trim (s = 0.1). The gap: 3 mm RMS of the marker before, 1 mm after" in said
+        )
+    else:
+        assert "none predicts them better than the nominal robot does. The most probable one is lag" in said
+        assert "4 mm after" in said
