@@ -210,9 +210,10 @@ def write_folder(path: Path, texts: dict[str, str]) -> list[Path]:
         temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
         try:
             whole = temporary / path.name
+            whole.mkdir()
             for name, text in texts.items():
                 file = whole / name
-                file.parent.mkdir(parents=True, exist_ok=True)
+                file.parent.mkdir(exist_ok=True)
                 file.write_text(text, encoding="utf-8", newline="\n")
             if not path.exists():
                 whole.rename(path)

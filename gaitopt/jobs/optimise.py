@@ -26,7 +26,7 @@ from gaitopt.optimise.verification import Verified
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
 from gaitopt.report.settings import FILM, PAGE
-from gaitopt.runs.folder import JOURNAL_FILE
+from gaitopt.runs.folder import JOURNAL_FILE, REQUEST_FILE
 from gaitopt.runs.run_folder import SUMMARY_FILE, Reopened, RunFolder
 from gaitopt.runs.summary import Summary
 from gaitopt.simulation.objective import check_searchable
@@ -264,6 +264,11 @@ def _write_page(
             else []
         )
         write_report(folder, problem, optimised, work.full, found, on_progress)
+
+
+def holds_run(reference: str) -> bool:
+    """Return whether a problem is the folder of a run, which may have been meant to go on."""
+    return (Path(reference) / REQUEST_FILE).is_file()
 
 
 @contextmanager

@@ -48,12 +48,11 @@ def add_options(parser: Parser) -> None:
 def run(options: Options) -> None:
     """Search or continue a search, and print the result."""
     from gaitopt.cli.progress import display
-    from gaitopt.jobs.optimise import optimise
+    from gaitopt.jobs.optimise import holds_run, optimise
     from gaitopt.jobs.outputs import NUMBERED, Stopped
-    from gaitopt.runs.folder import REQUEST_FILE
 
     resumed = options.resume
-    if resumed is None and (Path(options.problem) / REQUEST_FILE).is_file() and not options.json:
+    if resumed is None and holds_run(options.problem) and not options.json:
         say_aside(
             f"a new search for the robot of a run, which --resume {shlex.quote(options.problem)} continues"
         )
