@@ -8,7 +8,6 @@ Optimization with Inequality Constraints", ICML 2014).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -19,7 +18,7 @@ from gaitopt.optimise.evaluator import Outcome, judge
 from gaitopt.problem.objective import Objective
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.metrics import SIDEWAYS_RATIO, Metrics, mean_metrics
-from gaitopt.simulation.objective import FAILED_COST, Evaluation, exceeded
+from gaitopt.simulation.objective import Evaluation, exceeded, finite
 
 
 def merit(problem: Problem, outcomes: Sequence[Outcome], margin: float, error: float) -> Evaluation:
@@ -39,8 +38,7 @@ def merit(problem: Problem, outcomes: Sequence[Outcome], margin: float, error: f
     worse = objective.worse_share
     cost = float(np.mean(costs)) if worse is None else exceeded(costs, worse)
     others = sum(size for name, size in judged.violations.items() if name != SIDEWAYS_RATIO)
-    cost += objective.penalty * others
-    return replace(judged, cost=cost if math.isfinite(cost) else FAILED_COST)
+    return replace(judged, cost=finite(cost + objective.penalty * others))
 
 
 def _cost(objective: Objective, row: Metrics, limit: float, error: float) -> float:

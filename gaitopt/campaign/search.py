@@ -66,8 +66,7 @@ class Search:
         alone: list[Entry] = []
         for number, robot in enumerate(evenly(self.robots, shares.own_robots), 1):
             stage = _stage(on_progress, f"searching a gait for robot {number} of {shares.own_robots}")
-            pose = int(generator(self.seed, Stream.CAMPAIGN_SEARCH, number, 1).integers(2**31))
-            scenario = own_scenarios(self.problem, [robot], pose, 1, errors=False)
+            scenario = own_scenarios(self.problem, [robot], self._drawn(number, 1), 1, errors=False)
             budget = round(shares.own * self.budget)
             own = self._searched(self.problem, scenario, budget, starts, number, executor, stage)
             alone += self._unlike(own, 1, alone)
@@ -79,6 +78,10 @@ class Search:
         together = self._unlike(entries, shares.kept)
         found = {f"{ROBUST}-{rank}" if rank > 1 else ROBUST: one.gait for rank, one in enumerate(together, 1)}
         return found | {f"robot-{number}": one.gait for number, one in enumerate(alone, 1)}
+
+    def _drawn(self, *index: int) -> int:
+        """Return a seed of its own for a part of a search."""
+        return int(generator(self.seed, Stream.CAMPAIGN_SEARCH, *index).integers(2**31))
 
     def _unlike(self, entries: Sequence[Entry], count: int, before: Sequence[Entry] = ()) -> list[Entry]:
         """Return the gaits of lowest cost that did not fail: near copies of one gait tell nothing new."""
@@ -107,7 +110,7 @@ class Search:
         digest = hashlib.sha256(key.encode()).hexdigest()
         path = self.folder / f"search-{number}-{digest[:8]}.csv"  # another version begins another journal
         journal = Journal(path, problem, digest)
-        seed = int(generator(self.seed, Stream.CAMPAIGN_SEARCH, number).integers(2**31))
+        seed = self._drawn(number)
         gaits = budget + len(starts)
         study = Study(evaluator, journal, max(1, gaits), seed, on_progress, self.settings.search.study)
         study.run(DEFAULT_METHOD, planned=starts)

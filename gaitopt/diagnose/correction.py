@@ -104,10 +104,10 @@ def correct(
         executor: where its trials and its gaits are simulated; None to leave them out.
         settings: how gaits are looked for; `DEFAULT` where it is None.
     """
-    found = diagnosis.found
-    if found is None or found.best is None:
+    chosen = diagnosis.correction_or_best
+    if chosen is None:
         return None
-    corrected = problem.with_effects((diagnosis.correction or found.best).effect_values)
+    corrected = problem.with_effects(chosen.effect_values)
     if executor is None:
         return Correction(corrected)
     walked = walked_gaits(problem, corrected, executor, settings or DEFAULT)

@@ -143,6 +143,11 @@ class Diagnosis:
         before = found.none.rms_left
         return next((one for one in found.candidates if one.rms_left < before), None)
 
+    @property
+    def correction_or_best(self) -> Candidate | None:
+        """The correction, or the most probable explanation where nothing corrects the robot."""
+        return self.correction or (self.found.best if self.found else None)
+
     def gap_with(self, candidate: Candidate) -> Gap:
         """Return the held-out gap before and after a candidate, m; of the angles, rad, without a marker."""
         found = self.found

@@ -93,8 +93,9 @@ def _who(diagnosis: Diagnosis) -> tuple[str, str, str, str]:
     found = diagnosis.found
     if found is None or found.best is None:
         return "", "", "", ""
-    if not found.causes:
-        return with_values(diagnosis.correction or found.best), "", "", ""
+    chosen = diagnosis.correction_or_best
+    if chosen is not None and not found.causes:
+        return with_values(chosen), "", "", ""
     verb = "explains" if len(found.best.hypotheses) == 1 else "explain"
     others = _others(found)
     if others:

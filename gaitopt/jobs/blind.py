@@ -49,8 +49,11 @@ class MadeCases:
 
     def to_dict(self) -> dict[str, object]:
         """Return what `gaitopt blind make --json` prints."""
-        return {"cases": len(self.kinds), "folder": str(self.folder), "sealed": str(self.sealed)} | {
-            "faint": list(self.faint)
+        return {
+            "cases": len(self.kinds),
+            "folder": str(self.folder),
+            "sealed": str(self.sealed),
+            "faint": list(self.faint),
         }
 
 

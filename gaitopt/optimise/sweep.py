@@ -107,12 +107,18 @@ class SweptPoint:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row of ``sweep.json``: the figures, then the metrics, over a posterior their means."""
-        row, over = dict(vars(self)), self.over_robots
-        del row["metrics"], row["over_robots"]
+        over = self.over_robots
         if over is None:
-            return row | self.metrics
-        row["constraints_met"] = over.constraints_met
-        return row | over.means | {"nominal": self.metrics, "posterior": over.to_dict()}
+            return self.nominal
+        figures = over.means | {"constraints_met": over.constraints_met}
+        return self.nominal | figures | {"nominal": self.metrics, "posterior": over.to_dict()}
+
+    @property
+    def nominal(self) -> dict[str, Any]:
+        """The row of the nominal robot alone."""
+        row = dict(vars(self))
+        del row["metrics"], row["over_robots"]
+        return row | self.metrics
 
 
 def sweep(points: Sequence[SweepPoint], executor: Executor) -> list[SweptPoint]:

@@ -213,7 +213,7 @@ def _cause_pictures(diagnosis: Diagnosis) -> dict[str, Picture]:
 
 
 def _trial_pictures(diagnosis: Diagnosis, correction: Correction | None) -> dict[str, Picture]:
-    best = diagnosis.correction or (diagnosis.found.best if diagnosis.found else None)
+    best = diagnosis.correction_or_best
     pictures: dict[str, Picture] = {}
     for index, trial in enumerate(diagnosis.trials):
         if trial.has_log:

@@ -107,7 +107,12 @@ def evaluate(
     }
     cost = over(objective.worse_share, objective.weighted)
     cost += objective.penalty * sum(violations.values())
-    return Evaluation(cost if math.isfinite(cost) else FAILED_COST, metrics, violations, "ok")
+    return Evaluation(finite(cost), metrics, violations, "ok")
+
+
+def finite(cost: float) -> float:
+    """Return a cost; one that is infinite or no number is that of a gait that failed."""
+    return cost if math.isfinite(cost) else FAILED_COST
 
 
 def exceeded(values: Sequence[float], share: float) -> float:

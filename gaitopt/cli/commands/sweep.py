@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from gaitopt.cli.command import Command, Options, Parser
 from gaitopt.cli.lines import print_json, say
 from gaitopt.cli.options import add_executor, add_json, add_posterior, add_problem, add_run_folder, problem_of
@@ -41,9 +39,7 @@ def run(options: Options) -> None:
     if options.json:
         print_json({"rows": rows})
     else:
-        nominal = [replace(row, over_robots=None) for row in swept.rows]
-        pairs = zip(nominal, swept.rows, strict=True)
-        print_rows([row.to_dict() | speed_over_robots(full) for row, full in pairs])
+        print_rows([row.nominal | speed_over_robots(row) for row in swept.rows])
         if any("speed_m_s" in row.metrics for row in swept.rows):
             say(f"One rollout at each value {ON_NOMINAL}")
         print_report(swept.folder)
