@@ -33,6 +33,7 @@ from gaitopt.problem.problem import Problem
 from gaitopt.robot.signals import kind_of, site_of
 from gaitopt.runs.campaign_folder import CampaignFolder, Request, Rival, digest_of
 from gaitopt.runs.folder import held, write_into
+from gaitopt.runs.lock import is_held
 from gaitopt.simulation.objective import check_searchable
 from gaitopt.simulation.rollout import Simulator
 
@@ -133,9 +134,13 @@ class Campaign:
         return Next.of(self._proposal_of(step), step)
 
     def status(self) -> Status:
-        """Return what is known; an interrupted step is finished first."""
-        step = self.go_on()
-        return Status.of(step, self._folder.proposals, self._best_file(step))
+        """Return what is known; an interrupted step is finished first.
+
+        While another command works on a step, this is what was known before it.
+        """
+        last = self._folder.last_finished if is_held(self.path) else None
+        step = self.go_on() if last is None else self._step(last)
+        return Status.of(step, self._folder.proposals, self._best_file(step), at_work=last is not None)
 
     def tell(self, recordings: Path | str | Trial | Sequence[Trial], trust: bool = False) -> Status:
         """Take films in, diagnose all films together, search again, and propose the next film.
@@ -236,7 +241,10 @@ class Campaign:
                 for number in range(last + 1):
                     if not self._folder.is_finished(number):
                         self._finish(number, pool)
-        step = self._folder.step(last)
+        return self._step(last)
+
+    def _step(self, number: int) -> Step:
+        step = self._folder.step(number)
         assert step is not None
         return step
 
@@ -245,8 +253,7 @@ class Campaign:
         if self._folder.step(number) is None:
             work = StepWork(self._folder, number, pool, self._on_progress, defaults.DEFAULT)
             self._folder.write_step(number, work.done())
-        step = self._folder.step(number)
-        assert step is not None
+        step = self._step(number)
         self._propose(step, pool)
         write_into(self.path, BEST_FILE, step.candidates[step.best].gait.to_toml())
         self._write_page(number)

@@ -108,6 +108,7 @@ class Status:
         answer: the diagnosis in a sentence.
         notes: what the user should know.
         done: whether no film is expected to gain more than the repeatability.
+        at_work: whether another command works on a step, of which nothing is known yet.
     """
 
     films: tuple[FilmStatus, ...]
@@ -121,9 +122,10 @@ class Status:
     answer: str
     notes: tuple[str, ...]
     done: bool
+    at_work: bool
 
     @staticmethod
-    def of(step: Step, proposals: Sequence[Proposal], best_gait: str) -> Status:
+    def of(step: Step, proposals: Sequence[Proposal], best_gait: str, at_work: bool) -> Status:
         """Return what is known after a step."""
         rows = {row.film: row for row in step.films}
         films = []
@@ -145,6 +147,7 @@ class Status:
             step.answer,
             step.notes,
             step.done,
+            at_work,
         )
 
     def to_dict(self) -> dict[str, object]:
@@ -163,4 +166,5 @@ class Status:
             "answer": self.answer,
             "notes": list(self.notes),
             "done": self.done,
+            "at_work": self.at_work,
         }

@@ -236,6 +236,11 @@ class CampaignFolder:
         """Return whether all of a step was done: its result, its film, and the page."""
         return (self.step_folder(number) / FINISHED_FILE).is_file()
 
+    @property
+    def last_finished(self) -> int | None:
+        """The last step of which all was done; None before the first."""
+        return next((number for number in range(self.tellings, -1, -1) if self.is_finished(number)), None)
+
     def finish(self, number: int) -> None:
         """Write that all of a step was done."""
         write_into(self.step_folder(number), FINISHED_FILE, "")

@@ -18,11 +18,12 @@ from helpers import STRIDER, still
 from page_audit import faults_of
 
 from gaitopt.campaign.check import film_of
-from gaitopt.core.errors import GaitoptError
+from gaitopt.core.errors import GaitoptError, MachineError
 from gaitopt.jobs.campaign import Campaign
 from gaitopt.jobs.outputs import Stopped
 from gaitopt.optimise.processes import LostWorkersError
 from gaitopt.problem.problem import load_problem
+from gaitopt.runs.folder import held
 from gaitopt.runs.listing import INTERRUPTED, WAITING, list_runs
 
 
@@ -55,6 +56,16 @@ def test_the_next_film_has_the_keys_of_the_contract(campaign: Campaign) -> None:
     assert (campaign.path / "films/01/gait.toml").is_file()
     assert list((campaign.path / "films/01/player").iterdir())
     assert (campaign.path / "campaign.html").is_file()
+
+
+def test_the_status_can_be_asked_while_another_command_works(campaign: Campaign) -> None:
+    before = campaign.status().to_dict()
+    (campaign.path / "told/01").mkdir(parents=True)
+    with held(campaign.path):
+        assert campaign.status().to_dict() == before | {"at_work": True}
+        with pytest.raises(MachineError, match="another run is working"):
+            campaign.next()
+    assert not before["at_work"]
 
 
 def test_a_film_is_measured_and_the_next_one_proposed(campaign: Campaign) -> None:

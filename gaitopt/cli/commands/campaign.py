@@ -92,7 +92,8 @@ def status(options: Options) -> None:
     """Print what is known."""
     with _going_on(options, options.folder) as on_progress:
         campaign = _opened(options, on_progress)
-        known, following = campaign.status(), campaign.next()
+        known = campaign.status()
+        following = None if known.at_work else campaign.next()
     _print_status(known, following, options)
 
 
@@ -137,7 +138,7 @@ def _print_next(found: Next, folder: Path, as_json: bool) -> None:
     say(f"page: {folder / 'campaign.html'}")
 
 
-def _print_status(known: Status, following: Next, options: Options) -> None:
+def _print_status(known: Status, following: Next | None, options: Options) -> None:
     if options.json:
         print_json(known.to_dict())
         return
@@ -158,7 +159,10 @@ def _print_status(known: Status, following: Next, options: Options) -> None:
     gain = known.still_to_gain
     low, high = (1e3 * end for end in gain.ci90)
     say(f"still to gain: {1e3 * gain.mean:.1f} mm/s (90 % interval {low:.1f} to {high:.1f})")
-    _print_next(following, options.folder, False)
+    if following is None:
+        say("Another command works on the next step of this campaign; this is what was known before.")
+    else:
+        _print_next(following, options.folder, False)
 
 
 _EXAMPLE = "gaitopt campaign new arcfold --out crawl"
