@@ -206,6 +206,10 @@ class SetFitter:
         squares = self.rows.by_trial(fit.products.squares(step))
         return step, float(self.loss.of_squares(squares).sum()) + self._prior(fit, fit.shares + step)
 
+    def expected_score(self, fit: SetFit) -> float:
+        """Return the score that the slopes predict."""
+        return self.expected(fit)[1] + self.price(fit)
+
     def descend(self, fits: Sequence[SetFit], rounds: int) -> list[SetFit]:
         """Return the fits after some steps each; in each round two steps of different length are tried."""
         current = list(fits)

@@ -15,13 +15,14 @@ loss.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.diagnose.fit.beside import Beside, Tried
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.proposals import Proposals
 from gaitopt.diagnose.fit.responses import SingleResponses
@@ -31,25 +32,6 @@ from gaitopt.diagnose.fit.single import robot_request
 from gaitopt.diagnose.fit.trials import Comparison
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class _Tried:
-    """An effect that was tried beside a set.
-
-    Attributes:
-        fit: the set with the effect, at its neutral value.
-        share: where it was tried, as a share of the way from neutral to a bound, signed by the side.
-        expected: score that the slopes predict.
-    """
-
-    fit: SetFit
-    share: float
-    expected: float
-
-    @property
-    def hypothesis(self) -> Hypothesis:
-        return self.fit.hypotheses[-1]
 
 
 @dataclass
@@ -62,11 +44,10 @@ class SetSearch:
         nominal: the trials compared with the nominal robot.
         settings: how sets are searched.
         coarse: fits sets by the errors in shares of the motion.
-        proposals: proposes where to try an effect that changes commands in jumps; None where nothing can.
+        proposals: as of `Beside`.
         known: effects that are at work as other evidence says, each at its coordinate: in every set.
         begin: sets from the best of which the search sets out; from no effect where there is none.
-        responses: what each effect does alone; with it only effects that promise much beside a set are
-            simulated there. None where every effect is tried beside every set.
+        responses: as of `Beside`.
         found: every set that was fitted, by its effects with their targets.
     """
 
@@ -80,8 +61,10 @@ class SetSearch:
     begin: Sequence[Point] = ()
     responses: SingleResponses | None = None
     found: dict[frozenset[str], SetFit] = field(default_factory=dict)
-    _first: dict[str, _Tried] = field(default_factory=dict)
-    _last: dict[str, _Tried] = field(default_factory=dict)
+
+    @cached_property
+    def _beside(self) -> Beside:
+        return Beside(self.fitter, self.hypotheses, self.settings, self.proposals, self.responses)
 
     def run(self) -> list[SetFit]:
         """Return the sets that were fitted, the best score first; the empty set is among them."""
@@ -137,8 +120,8 @@ class SetSearch:
 
         Effects with a rough response are left out: a fit that starts far off ends in one of their jumps.
         """
-        first: dict[str, _Tried] = {}
-        for one in sorted(self._first.values(), key=lambda one: one.expected):
+        first: dict[str, Tried] = {}
+        for one in sorted(self._beside.first.values(), key=lambda one: one.expected):
             if not one.hypothesis.effect.rough:
                 first.setdefault(one.hypothesis.effect.name, one)
         order = sorted(first.values(), key=lambda one: one.hypothesis.effect.name not in grown.effects)
@@ -157,8 +140,8 @@ class SetSearch:
             thin = fit
             while len(self._droppable(thin)) > 1:
                 smaller = [self.fitter.without_effect(thin, i) for i in self._droppable(thin)]
-                best = min(smaller, key=self._expected)
-                if self._expected(best) > self._expected(thin) - worth:
+                best = min(smaller, key=self.fitter.expected_score)
+                if self.fitter.expected_score(best) > self.fitter.expected_score(thin) - worth:
                     break
                 thin = replace(best, radius=fit.radius)
             if thin is not fit:
@@ -173,7 +156,7 @@ class SetSearch:
 
     def _grown(self, fit: SetFit) -> SetFit:
         """Return the best set with one more effect."""
-        tried = self._tried_beside(fit)
+        tried = self._beside.tried(fit)
         if not tried:
             return fit
         work = [
@@ -193,71 +176,6 @@ class SetSearch:
     def _refined(self, fits: Sequence[SetFit]) -> list[SetFit]:
         return self.fitter.descend(self.fitter.measure_slopes(fits), self.settings.fine_rounds)
 
-    def _tried_beside(self, fit: SetFit) -> list[_Tried]:
-        """Return every other effect beside a set, the best expected score first, each effect once."""
-        others = [h for h in self.hypotheses if h.effect.name not in fit.effects]
-        if self.responses is not None:
-            promising = self._promising(fit, others, self.responses)
-            points = [(beside.hypotheses[-1], at) for beside, at in promising]
-            work = [(h, _signed_share(h, at)) for h, at in points]
-        else:
-            work = [(h, share) for h in others for share in self._shares(fit, h)]
-            points = [(h, h.coordinate_along(share)) for h, share in work]
-        requests = [robot_request([*fit.point, point]) for point in points]
-        best: dict[str, _Tried] = {}
-        for (h, share), (_, at), robot in zip(work, points, self.fitter.simulate(requests), strict=True):
-            if robot is None:
-                continue
-            beside = self._beside(fit, h, at, robot)
-            one = _Tried(beside, share, self._expected(beside))
-            if h.name not in best or one.expected < best[h.name].expected:
-                best[h.name] = one
-        self._first = self._first or best
-        self._last |= best
-        firsts: dict[str, _Tried] = {}
-        for one in sorted(best.values(), key=lambda one: (one.expected, one.hypothesis.name)):
-            firsts.setdefault(one.hypothesis.effect.name, one)
-        return list(firsts.values())
-
-    def _beside(self, fit: SetFit, hypothesis: Hypothesis, at: float, robot: Comparison) -> SetFit:
-        """Return a set with one more effect, and how far the robot with it shows where that may go."""
-        moved = abs(hypothesis.share(at) - hypothesis.share(hypothesis.neutral))
-        rough = hypothesis.effect.rough
-        reach = self.settings.difference if rough else moved * self.settings.beyond
-        return replace(self.fitter.with_effect(fit, hypothesis, at, robot), radius=reach)
-
-    def _promising(
-        self, fit: SetFit, others: Sequence[Hypothesis], responses: SingleResponses
-    ) -> list[tuple[SetFit, float]]:
-        """Return the set with each effect that promises most, at its best coordinate, the best first."""
-        best: list[tuple[float, int, float, SetFit]] = []
-        for index, h in enumerate(others):
-            sums = [(self._beside(fit, h, at, robot), at) for at, robot in responses.beside(fit.robot, h)]
-            tried = [(self._expected(beside), index, at, beside) for beside, at in sums]
-            best += sorted(tried, key=lambda one: one[:3])[:1]
-        chosen, targets = list[tuple[SetFit, float]](), Counter[str]()
-        for _, index, at, beside in sorted(best, key=lambda one: one[:3]):
-            name = others[index].effect.name
-            if targets[name] < self.settings.promising_targets:
-                targets[name] += 1
-                chosen.append((beside, at))
-        return chosen[: self.settings.promising]
-
-    def _expected(self, fit: SetFit) -> float:
-        return self.fitter.expected(fit)[1] + self.fitter.price(fit)
-
-    def _shares(self, fit: SetFit, hypothesis: Hypothesis) -> list[float]:
-        """Return where an effect is tried: everywhere at first, then where it was best, and a little."""
-        if self.proposals is not None and hypothesis.effect.jumps:
-            return self.proposals.shares(fit, hypothesis)
-        signs = [1.0 if bound > hypothesis.neutral else -1.0 for bound in hypothesis.sides]
-        if hypothesis.name not in self._last:
-            rough = hypothesis.effect.rough
-            shares = self.settings.screened_rough if rough else self.settings.screened
-            return [sign * share for sign in signs for share in shares]
-        last = self._last[hypothesis.name].share
-        return sorted({last, *(sign * self.settings.screened[0] for sign in signs)})
-
     def _pruned(self, fit: SetFit) -> SetFit:
         """Return a set without the effects that do not pay for themselves.
 
@@ -267,7 +185,10 @@ class SetSearch:
             smaller = [self.fitter.without_effect(fit, i) for i in self._droppable(fit)]
             without = self._simulated([one for one in smaller if one.names not in self.found])
             limit = self.fitter.score(fit) + self.settings.doubtful
-            doubtful = sorted((one for one in without if self._expected(one) < limit), key=self._expected)
+            doubtful = sorted(
+                (one for one in without if self.fitter.expected_score(one) < limit),
+                key=self.fitter.expected_score,
+            )
             if not doubtful:
                 return fit
             better = self._fitted(doubtful[: self.settings.dropped], 1)
@@ -308,14 +229,14 @@ class SetSearch:
             if one.names not in self.found:
                 wide = replace(one, radius=self.settings.widest)
                 step, _ = self.fitter.expected(wide)
-                found[one.names] = (self._expected(wide), self.fitter.stepped(one, step))
+                found[one.names] = (self.fitter.expected_score(wide), self.fitter.stepped(one, step))
         ordered = sorted(found.values(), key=lambda one: one[0])
         limit = self.fitter.score(fit) + self.settings.doubtful
         return [one for expected, one in ordered if expected < limit][: self.settings.swapped]
 
     def _smaller_beside(self, fit: SetFit) -> list[SetFit]:
         """Return sets with one effect more and one less, by what was simulated beside the whole set."""
-        tried, droppable = self._tried_beside(fit), self._droppable(fit)
+        tried, droppable = self._beside.tried(fit), self._droppable(fit)
         return [self.fitter.without_effect(beside.fit, index) for beside in tried for index in droppable]
 
     def _replaced(self, fit: SetFit, responses: SingleResponses) -> list[SetFit]:
@@ -323,8 +244,7 @@ class SetSearch:
         smaller = self._simulated([self.fitter.without_effect(fit, i) for i in self._droppable(fit)])
         found = []
         for one in smaller:
-            others = [h for h in self.hypotheses if h.effect.name not in one.effects]
-            found += [beside for beside, _ in self._promising(one, others, responses)]
+            found += [beside for beside, _ in self._beside.promising(one, responses)]
         return found
 
     def _fit_twins(self) -> None:
@@ -348,10 +268,10 @@ class SetSearch:
                     continue
                 at, robot, cosine = responses.likest(smaller.robot, fit.robot, h)
                 if robot is not None and cosine >= self.settings.alike:
-                    likes.append(self._beside(smaller, h, at, robot))
+                    likes.append(self._beside.with_one_more(smaller, h, at, robot))
             fresh = [one for one in likes if one.names not in self.found]
             firsts: dict[str, SetFit] = {}  # each effect on its best target
-            for one in sorted(fresh, key=self._expected):
+            for one in sorted(fresh, key=self.fitter.expected_score):
                 firsts.setdefault(one.effects[-1], one)
             found += [*firsts.values()][: self.settings.twins]
         return found
@@ -366,9 +286,21 @@ class SetSearch:
                 if fit.hypotheses and self.fitter.score(fit) < first + self.settings.leading
             ][: self.settings.finished]
             before = [fit.loss for fit in leading]
-            after = self._kept(self._refined(leading))
+            after = self._kept(self._refined([self._placed_again(fit) for fit in leading]))
             if max((b - a.loss for b, a in zip(before, after, strict=True)), default=0.0) < 1.0:
                 break
+
+    def _placed_again(self, fit: SetFit) -> SetFit:
+        """Return a set with its effects that jump placed anew beside the others, which moved since."""
+        if self.proposals is None:
+            return fit
+        for hypothesis in [h for h in fit.hypotheses if h.effect.jumps]:
+            index = fit.hypotheses.index(hypothesis)
+            for without in self._simulated([self.fitter.without_effect(fit, index)]):
+                placed = self._beside.placed(without, hypothesis)
+                if placed is not None and self.fitter.expected_score(placed) < self.fitter.score(fit):
+                    fit = min(fit, *self._refined([placed]), key=self.fitter.score)
+        return fit
 
     def _kept(self, fits: Iterable[SetFit]) -> list[SetFit]:
         """Keep fits, the better one of equal sets, and return them."""
@@ -378,10 +310,3 @@ class SetSearch:
             if known is None or fit.loss < known.loss or (fit.measured and fit.loss <= known.loss):
                 self.found[fit.names] = fit
         return fits
-
-
-def _signed_share(hypothesis: Hypothesis, coordinate: float) -> float:
-    """Return a coordinate as a share of the way from neutral to the bound on its side, signed by the side."""
-    bound = hypothesis.high if coordinate > hypothesis.neutral else hypothesis.low
-    share = (coordinate - hypothesis.neutral) / (bound - hypothesis.neutral)
-    return math.copysign(share, coordinate - hypothesis.neutral)

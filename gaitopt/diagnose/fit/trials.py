@@ -241,6 +241,11 @@ class TrialSet:
         trials = tuple(trial.with_errors_along(own) for trial, own in pairs)
         return replace(self, trials=trials, updates=(), label=f"{label} ")
 
+    def whiten(self, index: int, rows: Array) -> Array:
+        """Return rows of one trial, or columns of rows, whitened."""
+        whitened: Array = self.trials[index].whitener @ rows
+        return self.updates[index] @ whitened if self.updates else whitened
+
     def rewhiten_rows(self, rows: Array, before: TrialSet) -> Array:
         """Return rows, or columns of rows, that the same trials have whitened by another covariance."""
         parts = self.split(rows)
