@@ -206,6 +206,13 @@ class SetFitter:
         squares = self.rows.by_trial(fit.products.squares(step))
         return step, float(self.loss.of_squares(squares).sum()) + self._prior(fit, fit.shares + step)
 
+    def curvature(self, fit: SetFit) -> Array:
+        """Return half the second derivatives of the loss of a set, per squares of ranges, shape (k, k)."""
+        weights = self.loss.trial_weights(self.loss.squares(fit.robot.whitened))[self.loss.row_trials]
+        _, prior = self.prior_rows(fit)
+        curvature: Array = fit.slopes.T @ (weights[:, None] * fit.slopes) + np.diag(prior**2)
+        return curvature
+
     def expected_score(self, fit: SetFit) -> float:
         """Return the score that the slopes predict."""
         return self.expected(fit)[1] + self.price(fit)

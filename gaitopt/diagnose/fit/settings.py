@@ -197,6 +197,9 @@ class SetSettings:
         leading: sets that score at most this much worse than the best are finished,
         finished: at most this many of them,
         finish_rounds: in this many rounds.
+        chord_errors: standard errors by which a parameter goes aside to both sides for a wide chord, in turn,
+        chord_rise: until the loss rises by more than this in the mean,
+        same_slope: or the slope differs from the one before by a smaller share than this.
     """
 
     freedom: float = 4.0
@@ -228,6 +231,9 @@ class SetSettings:
     leading: float = 12.0
     finished: int = 2
     finish_rounds: int = 2
+    chord_errors: tuple[float, ...] = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+    chord_rise: float = 100.0
+    same_slope: float = 0.2
     most_effects: int = 14
     most_rows: float = 10.0
     one_by_one: int = 3

@@ -27,6 +27,7 @@ from gaitopt.diagnose.fit.settings import SetSettings
 from gaitopt.diagnose.fit.single import robot_request
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.judge.candidates import Candidate, heldout
+from gaitopt.diagnose.judge.chords import WideChords
 from gaitopt.diagnose.judge.evidence import probabilities
 from gaitopt.diagnose.judge.precision import Interval
 from gaitopt.simulation.rollout import Simulator
@@ -214,6 +215,8 @@ class JudgedSets:
         changes: what each effect of a set changes, see `SetJudge.changes`; simulated for the probable sets.
         timestep: what a finer timestep changes of the whitened residual of the first set, shape (rows,).
         known: intervals of the effects that are at work as other evidence says: they are in every set.
+        wide: the first set with slopes over wide chords, and how rough its loss is beside them; None where
+            slopes were measured well enough.
     """
 
     judge: SetJudge
@@ -223,6 +226,7 @@ class JudgedSets:
     changes: tuple[Mapping[str, float], ...]
     timestep: Array
     known: Mapping[str, Interval] = field(default_factory=dict)
+    wide: WideChords | None = None
 
     @staticmethod
     def of(
@@ -249,8 +253,8 @@ class JudgedSets:
         timestep = judge.timestep_change(fits[0])
         changes = judge.simulated_changes(fits[:probable], timestep)
         changes += [judge.changes(fit) for fit in fits[probable:]]
-        candidates = tuple(every[i] for i in order)
-        return JudgedSets(judge, candidates, scores[order], best, tuple(changes), timestep, known)
+        candidates, wide = tuple(every[i] for i in order), WideChords.of(judge.fitter, fits[0])
+        return JudgedSets(judge, candidates, scores[order], best, tuple(changes), timestep, known, wide)
 
     @property
     def scores_if_usual(self) -> Array:
@@ -281,17 +285,20 @@ class JudgedSets:
 
         It is the sum of three: that of the fit, and those of the shifts of the fit with perturbed robots and
         with a finer timestep. That of the fit is the larger one of what the curvature of the loss and what
-        the scatter of the trials' gradients say.
+        the scatter of the trials' gradients say. Where servos stick and slip, the loss has many valleys, and
+        a fit ends in any whose depths differ by no more than the loss is rough: r standard errors away the
+        loss rises by r squared.
 
         Args:
             fit: the set.
             changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
         """
-        loss, fitter = self.judge.loss, self.judge.fitter
+        loss, rough = self.judge.loss, 1.0 if self.wide is None else 1.0 + self.wide.roughness
+        if self.wide is not None and fit.names == self.wide.fit.names:
+            fit = self.wide.fit
         weights = loss.trial_weights(loss.squares(fit.robot.whitened))
         weighted = weights[loss.row_trials][:, None] * fit.slopes
-        _, prior = fitter.prior_rows(fit)
-        inverse = np.linalg.pinv(fit.slopes.T @ weighted + np.diag(prior**2))
+        inverse = np.linalg.pinv(self.judge.fitter.curvature(fit))
         gradients = weights[:, None] * fit.rows.by_trial(fit.products.mixed)
         count, k = len(loss.rows), len(fit.hypotheses)
         scatter = gradients.T @ gradients * count / max(1, count - k)
@@ -299,7 +306,7 @@ class JudgedSets:
         grown = np.sqrt(np.maximum(1.0, np.diag(sandwich) / np.maximum(np.diag(inverse), 1e-300)))
         alike = changes / math.sqrt(max(1, len(changes)))
         shifts = np.vstack([*alike, self.timestep]) @ weighted @ inverse
-        spread: Array = inverse * np.outer(grown, grown) + shifts.T @ shifts
+        spread: Array = rough * inverse * np.outer(grown, grown) + shifts.T @ shifts
         return spread
 
 

@@ -1,0 +1,66 @@
+"""How rough the loss of a set is, and how wide that makes intervals."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from toysets import Response, ToyBench, curved
+
+from gaitopt.diagnose.fit.settings import SETS
+from gaitopt.diagnose.judge.chords import WideChords
+from gaitopt.diagnose.judge.sets import JudgedSets, SetJudge
+
+Array = NDArray[np.float64]
+
+ROWS, TRIALS = 240, 8
+TRUE = 0.5
+
+
+def jumping(smooth: Response, size: float, width: float) -> Response:
+    """A response that jumps by chance from each piece of its range to the next."""
+
+    def response(value: float) -> Array:
+        piece = np.random.default_rng(int(value / width)).standard_normal(ROWS)
+        found: Array = smooth(value) + size * piece * (value > 0.0)
+        return found
+
+    return response
+
+
+def judged(seed: int, jump: float) -> JudgedSets:
+    """The judged set of one effect of size `TRUE`, whose response jumps so far."""
+    rng = np.random.default_rng(seed)
+    smooth = curved(rng, ROWS, 20.0)
+    measured = smooth(TRUE) + rng.standard_normal(ROWS)
+    toy = ToyBench({"cause": jumping(smooth, jump, 2e-4)}, measured, TRIALS)
+    unused: Any = None
+    fitter, fit = toy.fitter(), toy.search().run()[0]
+    judge = SetJudge(unused, fitter.loss, fitter, SETS, unused)
+    candidate: Any = SimpleNamespace(hypotheses=fit.hypotheses, together=fit)
+    wide = WideChords.of(fitter, fit)
+    return JudgedSets(judge, (candidate,), np.zeros(1), 0.0, (), np.zeros(ROWS), {}, wide)
+
+
+def covered(sets: JudgedSets) -> bool:
+    (low, high), *_ = sets.intervals(sets.candidates[0], np.zeros((1, ROWS)))
+    return low <= TRUE <= high
+
+
+@pytest.mark.parametrize("jump", [0.0, 0.3, 1.0])
+def test_intervals_cover_whatever_the_response_jumps(jump: float) -> None:
+    every = [judged(seed, jump) for seed in range(12)]
+    assert sum(covered(sets) for sets in every) >= 10
+    if jump > 0.2:  # slopes between near values count each jump as what the effect does
+        assert sum(covered(replace(sets, wide=None)) for sets in every) <= 8
+
+
+def test_a_smooth_response_is_not_rough() -> None:
+    sets = judged(1, 0.0)
+    assert sets.wide is not None
+    assert sets.wide.roughness < 0.5
+    low, high = sets.intervals(sets.candidates[0], np.zeros((1, ROWS)))[0]
+    below, above = replace(sets, wide=None).intervals(sets.candidates[0], np.zeros((1, ROWS)))[0]
+    assert high - low == pytest.approx(above - below, rel=0.1)
