@@ -15,6 +15,7 @@ from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import Simulator
 
 
+@pytest.mark.slow
 def test_cases_are_diagnosed_without_their_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cases, hidden = tmp_path / "cases", tmp_path / "hidden"
     make = ["blind", "make", "arcfold", "--cases", "1", "--kind", "none", "--seconds", "4", "--seed", "3"]

@@ -142,6 +142,7 @@ def test_what_changed_while_it_was_read_is_one_line(tmp_path: Path, monkeypatch:
             read(path)
 
 
+@pytest.mark.slow
 def test_a_command_reads_its_model_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -48,6 +48,7 @@ def copied(trials: Path, tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_run_folder_with_everything_in_it(
     trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -85,6 +86,7 @@ def test_a_run_folder_with_everything_in_it(
     assert page.count('class="plot"') == 4
 
 
+@pytest.mark.slow
 def test_in_words_and_the_same_every_time(
     trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -235,6 +235,7 @@ def test_the_name_of_a_gait_file_is_escaped(
     run(capfd, "sweep", robot, file, "--over", "period_s=0.4,0.5", "--out", tmp_path / "sweep")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*UNPRINTABLE, "[/x]"])
 def test_an_edited_summary_prints_only_names(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str

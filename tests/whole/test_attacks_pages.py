@@ -56,6 +56,7 @@ def one_line(code: int, err: str, folder: Path, files: str) -> None:
     assert err.strip().isprintable()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", FAILURES, ids=lambda error: type(error).__name__)
 def test_a_search_is_not_lost_to_its_page(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, error: Exception
@@ -80,6 +81,7 @@ def test_a_search_is_not_lost_to_its_page(
     assert run(capfd, "optimise", out, "--resume", out, "--quiet") == (0, said, "")
 
 
+@pytest.mark.slow
 def test_a_search_is_not_lost_to_its_sensitivities(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -107,6 +109,7 @@ def test_ctrl_c_in_the_page_leaves_a_finished_search(
     assert (out / "report.html").exists()
 
 
+@pytest.mark.slow
 def test_a_page_is_not_written_again_from_another_journal(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -134,6 +137,7 @@ def test_a_finished_run_of_another_version_is_read_without_its_page(
     assert not (out / "report.html").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["convergence"])
 def test_a_figure_that_fails_leaves_a_note(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str

@@ -9,9 +9,12 @@ from fuzzing.outcome import Case
 
 CASES = 12
 WHOLE_CASES = 2
+SLOW = ("run folder", "optimise, whole")
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow) if kind in SLOW else kind for kind in KINDS]
+)
 def test_broken_input_ends_in_success_or_one_line(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

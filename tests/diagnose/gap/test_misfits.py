@@ -88,6 +88,7 @@ def test_a_robot_that_loses_its_power_is_named_with_the_time(arcfold: Problem, t
     assert defect.parameters["since_s"] == pytest.approx(3.5, abs=0.51)
 
 
+@pytest.mark.slow
 def test_trials_of_a_very_different_robot_all_fit(arcfold: Problem, tmp_path: Path) -> None:
     lame = {"servo_torque_limit": {"limit_n_m": 0.08, "target": "all"}, "command_latency": {"delay_s": 0.1}}
     trials = {g: (g, walked(arcfold, g, 0.2, **lame)) for g in ("square-1s", "square-2s", "square-0.5s")}
