@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.diagnose.fit.trials import TrialSet
-from gaitopt.gait.drive import Drive
+from gaitopt.diagnose.gap.predict import Run, runs_of
 from gaitopt.robot.signals import joint_signal
 
 Array = NDArray[np.float64]
@@ -49,11 +49,11 @@ class _Held:
     which: Indices
 
     @staticmethod
-    def of(drive: Drive, hypothesis: Hypothesis, end_s: float) -> list[_Held]:
+    def of(run: Run, hypothesis: Hypothesis) -> list[_Held]:
         """Return the angles of each joint that an effect may move."""
         parts = replace(hypothesis.nominal, target=hypothesis.target)
-        time = np.arange(0.0, end_s + _STEP_S, _STEP_S)
-        sent = np.nan_to_num(drive.targets(time))  # an unpowered servo is not commanded
+        time = np.arange(0.0, run.duration_s + _STEP_S, _STEP_S)
+        sent = np.nan_to_num(run.drive.targets(time))  # an unpowered servo is not commanded
         found = []
         for servo, joint in zip(parts.servos, parts.servo_joints, strict=True):
             if joint >= 0:
@@ -95,12 +95,9 @@ class Following:
     @staticmethod
     def of(trial_set: TrialSet, hypothesis: Hypothesis, lags_s: Sequence[float]) -> Following:
         """Return how trials follow with each of some lags."""
-        ends: dict[str, float] = {}
-        for one in trial_set.trials:
-            key, end = one.aligned.trial.drive.key, float(one.aligned.time[-1])
-            ends[key] = max(end, ends.get(key, 0.0))
-        drives = {one.aligned.trial.drive.key: one.aligned.trial.drive for one in trial_set.trials}
-        held = {key: _Held.of(drive, hypothesis, ends[key]) for key, drive in drives.items()}
+        aligned = [one.aligned for one in trial_set.trials]
+        runs = runs_of([one.trial for one in aligned], [float(one.time[-1]) for one in aligned])
+        held = {key: _Held.of(run, hypothesis) for key, run in runs.items()}
         every = [one for parts in held.values() for one in parts]
         servos = np.concatenate([np.full(len(one.angles), one.servo) for one in every])
         angles = np.zeros((len(servos), len(hypothesis.nominal.channels)))
@@ -124,23 +121,28 @@ class Following:
             values: values of the effect.
             moved: how far each moved the rows of all trials, shape (values, rows).
         """
-        single = np.eye(self.trials[0][1].shape[0])
-        by_lag = [np.concatenate([*self.moved(values, lag)]).ravel() for lag in single]
-        mixture: Array = np.linalg.lstsq(np.column_stack(by_lag).astype(float), moved.ravel())[0]
+        lags = self.trials[0][1].shape[0]
+        by_lag = np.concatenate([*self.moved(values, np.eye(lags))], axis=1).reshape(lags, -1)
+        mixture: Array = np.linalg.lstsq(by_lag.T.astype(float), moved.ravel())[0]
         return mixture
 
-    def moved(self, values: Sequence[float], mixture: Array) -> Iterator[SmallArray]:
-        """Yield how far some of the values at a time move the rows of all trials, shape (values, rows).
+    def moved(self, values: Sequence[float], mixtures: Array) -> Iterator[SmallArray]:
+        """Yield how far some of the values at a time move the rows of all trials, by each mixture.
 
         Args:
             values: values of the effect.
-            mixture: weight of each lag, shape (lags,).
+            mixtures: weights of the lags, shape (mixtures, lags).
+
+        Yields:
+            Shape (mixtures, values, rows).
         """
-        weights = mixture.astype(np.float32)
-        mixed = [(places, np.tensordot(weights, rows, axes=1).T) for places, rows in self.trials]
+        weights = mixtures.astype(np.float32)
+        mixed = [
+            (places, np.tensordot(weights, rows, axes=1).transpose(0, 2, 1)) for places, rows in self.trials
+        ]
         for first in range(0, len(values), _AT_ONCE):
             changes = self._changes(values[first : first + _AT_ONCE])
-            yield np.concatenate([changes[:, places] @ rows for places, rows in mixed], axis=1)
+            yield np.concatenate([changes[:, places] @ rows for places, rows in mixed], axis=2)
 
     def _changes(self, values: Sequence[float]) -> SmallArray:
         """Return what each value changes of each angle, rad, shape (values, angles)."""

@@ -49,13 +49,11 @@ class Proposals:
             fit: the set.
             hypothesis: an effect from its neutral lower bound up, whose response jumps.
         """
-        if self.knows(hypothesis):
-            shares = self._grid(self.settings.close_values)
-            return self._least(shares, self._losses(fit, hypothesis, shares, self._mixtures[hypothesis.name]))
-        shares = self._grid(self.settings.values)
-        single = np.eye(len(self.settings.lags_s))
-        losses = [self._losses(fit, hypothesis, shares, lag) for lag in single]
-        return self._least(shares, np.min(losses, axis=0))
+        learnt = self._mixtures.get(hypothesis.name)
+        values = self.settings.values if learnt is None else self.settings.close_values
+        mixtures = np.eye(len(self.settings.lags_s)) if learnt is None else learnt[None]
+        shares = np.geomspace(self.settings.least, 1.0, values)
+        return self._least(shares, self._losses(fit, hypothesis, shares, mixtures))
 
     def knows(self, hypothesis: Hypothesis) -> bool:
         """Whether it was learnt how joints follow an effect; `shares` then compares many more values."""
@@ -75,9 +73,6 @@ class Proposals:
         moved = np.array([fit.robot.whitened - robot.whitened for _, robot in simulated])
         self._mixtures[hypothesis.name] = self._followed(hypothesis).mixture_of(values, moved)
 
-    def _grid(self, values: int) -> Array:
-        return np.geomspace(self.settings.least, 1.0, values)
-
     def _least(self, shares: Array, losses: Array) -> list[float]:
         """Return the shares with the least losses, the least first, some way apart."""
         chosen: list[float] = []
@@ -88,19 +83,19 @@ class Proposals:
                 break
         return chosen
 
-    def _losses(self, fit: SetFit, hypothesis: Hypothesis, shares: Array, mixture: Array) -> Array:
-        """Return the loss that is left if joints follow each place by a mixture of lags, shape (shares,).
+    def _losses(self, fit: SetFit, hypothesis: Hypothesis, shares: Array, mixtures: Array) -> Array:
+        """Return the loss that is left if joints follow each place by its best mixture, shape (shares,).
 
         The other effects of the set go where their slopes then make least squares.
         """
         loss, found = self.loss, []
         weights = np.sqrt(loss.trial_weights(loss.squares(fit.robot.whitened)))[loss.row_trials]
         steps = np.linalg.pinv(fit.slopes * weights[:, None]) * weights
-        for moved in self._followed(hypothesis).moved(self._values(hypothesis, shares), mixture):
+        for moved in self._followed(hypothesis).moved(self._values(hypothesis, shares), mixtures):
             left = fit.robot.whitened - moved
             left -= (left @ steps.T) @ fit.slopes.T
-            found += [loss.total(one) for one in left]
-        return np.array(found)
+            found.append(np.min([[loss.total(one) for one in each] for each in left], axis=0))
+        return np.concatenate(found)
 
     @staticmethod
     def _values(hypothesis: Hypothesis, shares: Array) -> list[float]:

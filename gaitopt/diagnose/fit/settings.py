@@ -200,6 +200,31 @@ class SetSettings:
         chord_errors: standard errors by which a parameter goes aside to both sides for a wide chord, in turn,
         chord_rise: until the loss rises by more than this in the mean,
         same_slope: or the slope differs from the one before by a smaller share than this.
+        most_effects: effects in a set that grows, at most.
+        most_rows: rows of a trial that count as separate, at most; see `RobustLoss`.
+        one_by_one: effects that are added one by one before all are fitted together,
+        right: if the set leaves more than this mean whitened square
+        few: in more than this share of the trials.
+        starts: shares of the way from neutral to the better bound at which all effects begin.
+        coarse_rounds: number of these starts that are fitted further in each round, by the first loss,
+        coarse_radius: longest step of a coordinate at the start of each of these rounds, in ranges, at least.
+        robust_rounds: rounds of the best of them by the second, after those that do nothing were dropped.
+        widest_set: effects that are fitted together, at most: those that promised most when tried alone.
+        gaussian: degrees of freedom of the first of these losses: so many that no trial can leave it.
+        heldout_radius: longest step of a coordinate to the fit without a fold, in ranges: the slopes are not
+            those of places farther away.
+        inclusion: loss that the prior asks of each effect of a set when sets are judged on held-out trials.
+        probable: what the effects of a set change is simulated if the set is at least this probable.
+        misfit: a trial does not fit the others if it leaves this many times what the median trial leaves, and
+            this many times what a correct model leaves.
+        motion: error of a model that the first of these losses expects, as a share of the motion.
+        reweighted: times that the weights of the trials are found anew for a step.
+        first_radius: longest step of a coordinate at first, in ranges.
+        widest: longest step of a coordinate, in ranges.
+        shorter: the second step that is tried in a round is this much shorter.
+        least_radius: steps shorter than this are not tried, in ranges.
+        least_gain: a set is settled where less than this is expected to be gained.
+        difference: distance over which a slope is measured, in ranges.
     """
 
     freedom: float = 4.0

@@ -40,11 +40,12 @@ class WideChords:
         A chord is wide enough where a wider one has the same slope, or the loss rises clearly.
         """
         settings, wide, ends = fitter.settings, fit, list[_End]()
+        least = fitter.loss.total(fit.robot.whitened)
         errors = 1.0 / np.sqrt(np.maximum(np.diag(fitter.curvature(fit)), 1.0))  # the others stay
         narrow = [i for i, h in enumerate(fit.hypotheses) if not h.effect.jumps]
         for factor in settings.chord_errors:
             for chord in _chords(fitter, fit, narrow, factor * errors):
-                rise = float(np.mean([end.loss for end in chord])) - fitter.loss.total(fit.robot.whitened)
+                rise = float(np.mean([end.loss for end in chord])) - least
                 index = chord[0].index
                 if rise > settings.chord_rise and factor > settings.chord_errors[0]:
                     narrow.remove(index)

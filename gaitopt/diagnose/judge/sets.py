@@ -215,8 +215,8 @@ class JudgedSets:
         changes: what each effect of a set changes, see `SetJudge.changes`; simulated for the probable sets.
         timestep: what a finer timestep changes of the whitened residual of the first set, shape (rows,).
         known: intervals of the effects that are at work as other evidence says: they are in every set.
-        wide: the first set with slopes over wide chords, and how rough its loss is beside them; None where
-            slopes were measured well enough.
+        wide: the first set with slopes over wide chords, and how rough its loss is; None where they were not
+            measured: under gaits, and without a set.
     """
 
     judge: SetJudge
