@@ -15,7 +15,7 @@ from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.lateness import LateChanges, Lateness, measure_lateness, simulate_late_changes
-from gaitopt.diagnose.judge.sets import JudgedSets, SetJudge
+from gaitopt.diagnose.judge.sets import JudgedSets, RankedSets, SetJudge
 from gaitopt.effects.library.jitter import COMMAND_JITTER
 from gaitopt.effects.parts import ALL
 from gaitopt.simulation.rollout import Simulator
@@ -68,27 +68,29 @@ def judged_by_sets(
         context: simulates robots; seed and settings.
     """
     judge = SetJudge.of(judgement.trial_set, context.runner, context.settings.sets)
-    judged = JudgedSets.of(judge, judge.search(hypotheses, judgement.nominal))
+    ranked = judge.ranked(judge.search(hypotheses, judgement.nominal))
     by_chance = [h for h in hypotheses if h.effect.name == COMMAND_JITTER.name and h.target == ALL]
-    late = _late_commands(replace(judgement, sets=judged), floors, context) if by_chance else None
+    late = _late_commands(judgement.trial_set, ranked, floors, context) if by_chance else None
     if late is None:
+        judged = JudgedSets.of(judge, ranked)
         return replace(judgement, sets=judged), judged
     judgement = _whitened_with(judgement, late)
     jitter = _fixed(by_chance[0], late.lateness.sd_s)
     judge = SetJudge.of(judgement.trial_set, context.runner, context.settings.sets)
-    found = judge.search(hypotheses, judgement.nominal, [(jitter, late.lateness.sd_s)])
-    judged = JudgedSets.of(judge, found, {jitter.name: late.lateness.ci90})
+    ranked = judge.ranked(judge.search(hypotheses, judgement.nominal, [(jitter, late.lateness.sd_s)]))
+    judged = JudgedSets.of(judge, ranked, {jitter.name: late.lateness.ci90})
     return replace(judgement, sets=judged), judged
 
 
-def _late_commands(judgement: Judgement, floors: Sequence[Floors], context: Context) -> _LateCommands | None:
+def _late_commands(
+    trial_set: TrialSet, ranked: RankedSets, floors: Sequence[Floors], context: Context
+) -> _LateCommands | None:
     """Return how late commands act by chance; None where repeats do not show it.
 
     What late changes do is simulated with the nominal robot and with the best one so far, which may have
     effects in place of the delays. The one under which the repeats' differences are likelier tells.
     """
-    trial_set, candidates = judgement.trial_set, judgement.ranking.candidates
-    best = candidates[0].effect_values if candidates else {}
+    best = ranked.candidates[0].effect_values if ranked.candidates else {}
     corrected = trial_set.problem.with_effects(best)
     robots = [trial_set.simulator, Simulator.build(corrected, fidelity=trial_set.simulator.fidelity)]
     found = [(robot, _lateness(robot, trial_set, floors, context)) for robot in robots]

@@ -36,6 +36,23 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class RankedSets:
+    """Sets of effects by what they leave of held-out commands, the most probable first.
+
+    Attributes:
+        fits: the sets; the empty set is left out,
+        candidates: and what they leave.
+        scores: logarithm of the posterior weight of each, up to a constant, shape (sets,).
+        none: the same of the empty set; minus infinity where it was not fitted.
+    """
+
+    fits: tuple[SetFit, ...]
+    candidates: tuple[Candidate, ...]
+    scores: Array
+    none: float
+
+
+@dataclass(frozen=True)
 class SetJudge:
     """Judges sets of effects.
 
@@ -123,6 +140,15 @@ class SetJudge:
             log_priors=tuple(h.log_prior(at) for h, at in fit.point),
             together=fit,
         )
+
+    def ranked(self, sets: Sequence[SetFit]) -> RankedSets:
+        """Return sets by what they leave of held-out commands, the most probable first."""
+        every = [self.candidate(fit) for fit in sets]
+        scores = self.scores(every)
+        order = [i for i in np.argsort(-scores, kind="stable").tolist() if every[i].hypotheses]
+        none = [float(score) for one, score in zip(every, scores, strict=True) if not one.hypotheses]
+        fits, candidates = tuple(sets[i] for i in order), tuple(every[i] for i in order)
+        return RankedSets(fits, candidates, scores[order], max(none, default=-math.inf))
 
     def scores(self, candidates: Sequence[Candidate]) -> Array:
         """Return the logarithm of each candidate's posterior weight, up to a constant."""
@@ -230,31 +256,25 @@ class JudgedSets:
 
     @staticmethod
     def of(
-        judge: SetJudge,
-        sets: Sequence[SetFit],
-        known: Mapping[str, Interval] = MappingProxyType({}),
+        judge: SetJudge, ranked: RankedSets, known: Mapping[str, Interval] = MappingProxyType({})
     ) -> JudgedSets:
-        """Return some sets, judged.
+        """Return ranked sets with what is simulated about the probable ones.
 
         Args:
             judge: their judge.
-            sets: the sets.
+            ranked: the sets.
             known: intervals of the effects that other evidence shows; the empty set is then impossible.
         """
-        every = [judge.candidate(fit) for fit in sets]
-        scores = judge.scores(every)
-        order = [i for i in np.argsort(-scores, kind="stable").tolist() if every[i].hypotheses]
-        none = [float(score) for one, score in zip(every, scores, strict=True) if not one.hypotheses]
-        none = [] if known else none
-        fits, best = [sets[i] for i in order], max(none, default=-math.inf)
+        fits, candidates, scores = ranked.fits, ranked.candidates, ranked.scores
+        none = -math.inf if known else ranked.none
         if not fits:
-            return JudgedSets(judge, (), scores[order], best, (), np.zeros(len(judge.loss.row_trials)), known)
-        probable = max(1, int(np.sum(probabilities(scores[order]) >= judge.settings.probable)))
+            return JudgedSets(judge, (), scores, none, (), np.zeros(len(judge.loss.row_trials)), known)
+        probable = max(1, int(np.sum(probabilities(scores) >= judge.settings.probable)))
         timestep = judge.timestep_change(fits[0])
         changes = judge.simulated_changes(fits[:probable], timestep)
         changes += [judge.changes(fit) for fit in fits[probable:]]
-        candidates, wide = tuple(every[i] for i in order), WideChords.of(judge.fitter, fits[0])
-        return JudgedSets(judge, candidates, scores[order], best, tuple(changes), timestep, known, wide)
+        wide = WideChords.of(judge.fitter, fits[0])
+        return JudgedSets(judge, candidates, scores, none, tuple(changes), timestep, known, wide)
 
     @property
     def scores_if_usual(self) -> Array:
