@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitopt.effects.effect import Effect
 from gaitopt.effects.parts import Parts
@@ -16,12 +17,15 @@ from gaitopt.effects.prior import Prior
 class Friction:
     """The coefficients of some geoms of a model, and of the pairs that have them.
 
-    Several effects may scale the coefficients of one geom: their factors multiply.
+    Several effects may scale the coefficients of one geom: their factors multiply. Some do so thousands of
+    times a second, so numbers are set one by one: arrays of so few take several times as long.
     """
 
     def __init__(self, model: mujoco.MjModel, geoms: Sequence[int]):
-        self._model = model
-        self._rows = [(g, np.flatnonzero((model.pair_geom1 == g) | (model.pair_geom2 == g))) for g in geoms]
+        pairs = [np.flatnonzero((model.pair_geom1 == g) | (model.pair_geom2 == g)) for g in geoms]
+        self._of_geoms = [_places(model.geom_friction, [geom]) for geom in geoms]
+        self._of_pairs = [_places(model.pair_friction, rows) for rows in pairs]
+        self._geoms, self._pairs = model.geom_friction.reshape(-1), model.pair_friction.reshape(-1)
         self._factors = [1.0] * len(geoms)
 
     def scale(self, index: int, factor: float) -> None:
@@ -30,10 +34,15 @@ class Friction:
         if change == 1.0:
             return
         self._factors[index] = factor
-        geom, rows = self._rows[index]
-        self._model.geom_friction[geom] *= change
-        if len(rows):
-            self._model.pair_friction[rows] *= change
+        for coefficients, places in ((self._geoms, self._of_geoms), (self._pairs, self._of_pairs)):
+            for place in places[index]:
+                coefficients[place] = coefficients.item(place) * change
+
+
+def _places(array: NDArray[np.float64], rows: Sequence[int] | NDArray[np.intp]) -> list[int]:
+    """Return where some rows of an array are in it when it is flat."""
+    places: list[int] = np.arange(array.size).reshape(array.shape)[rows].ravel().tolist()
+    return places
 
 
 def scale_friction(model: mujoco.MjModel, geoms: Sequence[int], factor: float) -> None:
