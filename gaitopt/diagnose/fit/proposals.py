@@ -94,7 +94,7 @@ class Proposals:
         for moved in self._followed(hypothesis).moved(self._values(hypothesis, shares), mixtures):
             left = fit.robot.whitened - moved
             left -= (left @ steps.T) @ fit.slopes.T
-            found.append(np.min([[loss.total(one) for one in each] for each in left], axis=0))
+            found.append(np.min([loss.totals(each) for each in left], axis=0))
         return np.concatenate(found)
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""What each effect does alone, from the robots that were simulated for its own fit.
+"""What each effect does alone, from the robots that were simulated with it and no other.
 
 Added to the residual of a set of effects, it predicts what the effect does beside them. Responses add up only
 roughly, so the sum says which effects are worth a simulation beside the set, not how well they fit.
@@ -6,7 +6,7 @@ roughly, so the sum says which effects are worth a simulation beside the set, no
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,12 +21,18 @@ class SingleResponses:
     """The robots with one effect each.
 
     Attributes:
-        fits: the effects' own fits.
-        nominal: the trials compared with the nominal robot.
+        robots: each effect's robots with its coordinates, by the name of the hypothesis.
+        centre: the trials compared with the robot without any of them.
     """
 
-    fits: Sequence[Fit]
-    nominal: Comparison
+    robots: Mapping[str, Sequence[tuple[float, Comparison]]]
+    centre: Comparison
+
+    @staticmethod
+    def of_fits(fits: Sequence[Fit], nominal: Comparison) -> SingleResponses:
+        """Return what the effects' own fits tell."""
+        robots = {fit.hypothesis.name: [(float(one.at[0]), one) for one in fit.comparisons] for fit in fits}
+        return SingleResponses(robots, nominal)
 
     def beside(self, robot: Comparison, hypothesis: Hypothesis) -> list[tuple[float, Comparison]]:
         """Return what an effect is expected to do to another robot, at each coordinate that was simulated.
@@ -35,14 +41,12 @@ class SingleResponses:
             robot: the trials compared with the other robot.
             hypothesis: the effect.
         """
-        found = []
-        for fit in self.fits:
-            if fit.hypothesis.name == hypothesis.name:
-                for one in fit.comparisons:
-                    at = float(one.at[0])
-                    if abs(hypothesis.share(at) - hypothesis.share(hypothesis.neutral)) > _NEUTRAL:
-                        found.append((at, self._sum(robot, one, at)))
-        return found
+        neutral = hypothesis.share(hypothesis.neutral)
+        return [
+            (at, self._sum(robot, one, at))
+            for at, one in self.robots.get(hypothesis.name, ())
+            if abs(hypothesis.share(at) - neutral) > _NEUTRAL
+        ]
 
     def likest(
         self, robot: Comparison, other: Comparison, hypothesis: Hypothesis
@@ -74,9 +78,9 @@ class SingleResponses:
         return replace(
             robot,
             at=np.append(robot.at, at),
-            whitened=robot.whitened + one.whitened - self.nominal.whitened,
-            marker=robot.marker + one.marker - self.nominal.marker,
-            angles=robot.angles + one.angles - self.nominal.angles,
+            whitened=robot.whitened + one.whitened - self.centre.whitened,
+            marker=robot.marker + one.marker - self.centre.marker,
+            angles=robot.angles + one.angles - self.centre.angles,
         )
 
 

@@ -80,6 +80,17 @@ class RobustLoss:
         """Return the loss of all trials, minus twice a logarithm of a likelihood."""
         return float(self.of_squares(self.squares(whitened)).sum())
 
+    def totals(self, whitened: Array) -> Array:
+        """Return the loss of all trials for each of many residuals, shape (residuals,).
+
+        Args:
+            whitened: the residuals, shape (residuals, rows).
+        """
+        of_trials = self.row_trials == np.arange(len(self.rows))[:, None]
+        squares = np.square(whitened) @ of_trials.T.astype(whitened.dtype)
+        totals: Array = self._losses(squares.astype(float)[:, None]).sum(axis=-1).min(axis=-1)
+        return totals
+
     def shared_error(self, squares: Array) -> tuple[float, float]:
         """Return the error that all trials share from their sums of squares: rad, and share of the motion."""
         return self.errors[self._likeliest(squares)]
@@ -106,7 +117,7 @@ class RobustLoss:
         return int(np.argmin(self._losses(squares).sum(axis=1)))
 
     def _losses(self, squares: Array) -> Array:
-        """Return the loss of each trial with each shared error, shape (errors, trials)."""
+        """Return the loss of each trial with each shared error, shape (..., errors, trials)."""
         n, v = self.rows / self.tempers, self.freedom
         fitted = (v + n) * np.log1p(squares / self._variances / self.tempers / v)
         losses: Array = fitted + n * np.log(self._variances)

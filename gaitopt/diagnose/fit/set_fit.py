@@ -200,9 +200,9 @@ class SetFitter:
         """
         if not fit.hypotheses:
             return np.empty(0), fit.loss
-        step = np.zeros(len(fit.hypotheses))
+        step, prior = np.zeros(len(fit.hypotheses)), self.prior_rows(fit)
         for _ in range(self.settings.reweighted):
-            step = self._step(fit, step, weights)
+            step = self._step(fit, step, prior, weights)
         squares = self.rows.by_trial(fit.products.squares(step))
         return step, float(self.loss.of_squares(squares).sum()) + self._prior(fit, fit.shares + step)
 
@@ -283,18 +283,21 @@ class SetFitter:
     def _reweighted_step(self, fit: SetFit, radius: float) -> Array:
         return self.expected(replace(fit, radius=radius))[0]
 
-    def _step(self, fit: SetFit, before: Array, weights: Array | None) -> Array:
+    def _step(
+        self, fit: SetFit, before: Array, prior_rows: tuple[Array, Array], weights: Array | None
+    ) -> Array:
         """Return the weighted least-squares step within the limits, in ranges, shape (k,).
 
         Args:
             fit: the set.
             before: a step; the trials are weighted by what the slopes predict after it, shape (k,).
+            prior_rows: see there.
             weights: of each block; None for equal weights.
         """
         products, shares = fit.products, fit.shares
         by_trial = self.loss.trial_weights(self.rows.by_trial(products.squares(before)))
         by_block = by_trial[self.rows.trials] * (1.0 if weights is None else weights)
-        prior, slope = self.prior_rows(fit)
+        prior, slope = prior_rows
         curvature = np.tensordot(by_block, products.slopes, 1) + np.diag(slope**2)
         gradient = by_block @ products.mixed + slope * prior
         scale = np.sqrt(np.maximum(np.diag(curvature), 1e-12))

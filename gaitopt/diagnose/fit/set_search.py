@@ -236,7 +236,8 @@ class SetSearch:
 
     def _smaller_beside(self, fit: SetFit) -> list[SetFit]:
         """Return sets with one effect more and one less, by what was simulated beside the whole set."""
-        tried, droppable = self._beside.tried(fit), self._droppable(fit)
+        droppable = self._droppable(fit)
+        tried = self._beside.tried(fit, [self.fitter.without_effect(fit, index) for index in droppable])
         return [self.fitter.without_effect(beside.fit, index) for beside in tried for index in droppable]
 
     def _replaced(self, fit: SetFit, responses: SingleResponses) -> list[SetFit]:

@@ -178,8 +178,7 @@ class SetSettings:
         beyond: how far an effect is expected to go, in multiples of where it was tried.
         centred: whether a fit begins where an effect was tried, if it is better there than without it: a
             response that jumps has valleys, and slopes lead to the nearest one.
-        promising: effects that are simulated beside a set, where their single responses tell which promise
-            most,
+        promising: effects that are simulated beside a set: those that promise most by what each does alone,
         promising_targets: on this many targets each, at most.
         started: effects that are added and fitted roughly.
         rough_rounds: rounds of that.
@@ -239,7 +238,7 @@ class SetSettings:
     screened_rough: tuple[float, ...] = tuple(0.08 * k for k in range(1, 13))
     beyond: float = 1.6
     centred: bool = False
-    promising: int = 14
+    promising: int = 10
     promising_targets: int = 2
     started: int = 5
     rough_rounds: int = 3
@@ -289,6 +288,7 @@ FIT = FitSettings()
 SETS = SetSettings()
 SUMS = SumSettings()
 GAIT_SETS = SetSettings(
+    promising=14,
     most_rows=60.0,
     errors_rad=(0.0,),
     error_shares=(0.0,),

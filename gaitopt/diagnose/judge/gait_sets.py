@@ -188,7 +188,7 @@ class GaitSets:
             ]
 
         judge = SetJudge.of(trial_set, self.context.runner, settings, WideLoss, simulate)
-        responses = SingleResponses(judgement.fits, judgement.nominal)
+        responses = SingleResponses.of_fits(judgement.fits, judgement.nominal)
         fitter, nominal = judge.fitter, judgement.nominal
         search = SetSearch(fitter, hypotheses, nominal, settings, fitter, begin=begin, responses=responses)
         return judge, search.run()

@@ -68,8 +68,9 @@ def judged_by_sets(
         context: simulates robots; seed and settings.
     """
     judge = SetJudge.of(judgement.trial_set, context.runner, context.settings.sets)
-    ranked = judge.ranked(judge.search(hypotheses, judgement.nominal))
     by_chance = [h for h in hypotheses if h.effect.name == COMMAND_JITTER.name and h.target == ALL]
+    hypotheses = [h for h in hypotheses if h.effect.name != COMMAND_JITTER.name]
+    ranked = judge.ranked(judge.search(hypotheses, judgement.nominal))
     late = _late_commands(judgement.trial_set, ranked, floors, context) if by_chance else None
     if late is None:
         judged = JudgedSets.of(judge, ranked)

@@ -20,7 +20,7 @@ def responses(rig: ToyBench, shares: tuple[float, ...] = (0.2, 0.6, 1.0)) -> Sin
         neutral = replace(rig.nominal, at=np.zeros(1))
         alone = [rig.compared(robot_request([(h, share)])) for share in shares]
         fits.append(Fit(h, None, [neutral, *alone]))  # type: ignore[arg-type]
-    return SingleResponses(fits, rig.nominal)
+    return SingleResponses.of_fits(fits, rig.nominal)
 
 
 def search(rig: ToyBench, begin: tuple[str, ...] = ()) -> SetSearch:

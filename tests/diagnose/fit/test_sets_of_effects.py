@@ -8,7 +8,8 @@ from toysets import ToyBench, curved, late
 
 from gaitopt.core.streams import seeded
 from gaitopt.diagnose.fit.products import Products, RowBlocks
-from gaitopt.diagnose.fit.robust import RobustLoss
+from gaitopt.diagnose.fit.robust import RobustLoss, WideLoss
+from gaitopt.diagnose.fit.settings import SETS
 
 TRIALS, EACH = 12, 20
 ROWS = TRIALS * EACH
@@ -68,6 +69,15 @@ def test_an_error_may_be_a_share_of_the_motion() -> None:
     assert loss.shared_error(loss.squares(off)) == (0.0, 0.1)
 
 
+@pytest.mark.parametrize("kind", [RobustLoss, WideLoss])
+def test_many_residuals_have_the_losses_of_each(kind: type[RobustLoss]) -> None:
+    trials = np.repeat(np.arange(3), (10, 25, 5))
+    errors = ((0.0, 0.0), (0.5, 0.1), (2.0, 0.0))
+    loss = kind(trials, 4.0, 3.0, 10.0, np.full(3, 2.0), np.ones(3), errors)
+    many = seeded(4).standard_normal((6, 40)) * np.geomspace(0.5, 30.0, 6)[:, None]
+    np.testing.assert_allclose(loss.totals(many), [loss.total(one) for one in many], rtol=1e-12)
+
+
 def test_products_tell_what_each_block_leaves_after_a_step() -> None:
     rng = seeded(2)
     white, slopes, step = rng.standard_normal(40), rng.standard_normal((40, 3)), rng.standard_normal(3)
@@ -99,6 +109,15 @@ def test_seven_effects_at_once_are_found() -> None:
     found = dict(zip(best.effects, best.shares.tolist(), strict=True))
     assert {name: found.pop(name) for name in planted} == pytest.approx(planted, abs=0.05)
     assert all(share < 0.05 for share in found.values())
+
+
+def test_beside_a_set_only_what_promises_much_is_simulated() -> None:
+    planted = {"effect_3": 0.4, "effect_14": 0.7, "effect_40": 0.3}
+    short, long = (bench(planted, 4, effects=48) for _ in range(2))
+    found = short.search().run()[0]
+    every = replace(SETS, promising=1000, swapped=1000, promising_targets=1000)
+    assert found.names == long.search(every).run()[0].names == set(planted)
+    assert short.simulated < 0.6 * long.simulated
 
 
 def test_a_fit_of_all_effects_begins_without_those_whose_response_is_rough() -> None:
