@@ -1,9 +1,9 @@
 """The search for a set of effects: what adds up, what follows when the best is in, what replaces what.
 
-First the set grows by one effect at a time. For each addition every other effect is tried at a few values
-beside the present set; the slopes then tell how well all of them together would fit. The best ones are
-fitted. After each addition effects are dropped that no longer pay for themselves, and effects are exchanged
-for others.
+First the set grows by one effect at a time. For each addition the effects that promise most are tried at a
+few values beside the present set; the slopes then tell how well all of them together would fit. The best
+ones are fitted. After each addition effects are dropped that no longer pay for themselves, and effects are
+exchanged for others.
 
 A real servo is wrong in ten ways at once, and one step at a time leads to a set in which one effect stands
 for several others. So where a few effects leave too much, all effects are fitted together from several starts
