@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import _thread
+import math
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -22,6 +24,13 @@ _RAISED: dict[int, type[KeyboardInterrupt]] = {signal.SIGINT: KeyboardInterrupt,
 _USUAL: dict[int, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 """How Python handles these signals by itself."""
 
+_SAME_S = 1.0
+"""A signal that comes again within this time is the same one, s.
+
+`timeout` sends SIGTERM to a command and then to its whole group. The second would end what the first began,
+such as saying where a run can be resumed.
+"""
+
 _RETRY_S = 0.01
 """Time after which a signal that came within an import is tried again, s."""
 
@@ -36,17 +45,23 @@ def interrupts_between_imports() -> Iterator[None]:
     """Raise KeyboardInterrupt at Ctrl-C and `Terminated` at SIGTERM, but only while no module is imported.
 
     Within an import, an exception can become an ImportError ("initialization failed") or be lost.
-    A program that ignores one of these signals, or has its own handler, keeps that.
+    Each counts once within `_SAME_S`. A program that ignores one of these signals, or has its own handler,
+    keeps that.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     ours = [number for number, usual in _USUAL.items() if signal.getsignal(number) == usual]
     retries: dict[int, threading.Timer] = {}
+    raised_at: dict[int, float] = {}
 
     def act(number: int, frame: FrameType | None) -> None:
         retries.pop(number, None)
+        now = time.monotonic()
+        if now - raised_at.get(number, -math.inf) < _SAME_S:
+            return
         if not _importing(frame):
+            raised_at[number] = now
             raise _RAISED[number]
         retries[number] = threading.Timer(_RETRY_S, _signal_main, (number,))
         retries[number].daemon = True

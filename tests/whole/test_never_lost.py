@@ -18,6 +18,7 @@ import pytest
 from helpers import STRIDER, edited, problem_folder
 
 from gaitopt.cli import app as cli
+from gaitopt.core import interrupts
 from gaitopt.core.interrupts import interrupts_between_imports, interrupts_blocked, interrupts_held
 from gaitopt.jobs.optimise import optimise
 from gaitopt.problem.problem import load_problem
@@ -220,6 +221,21 @@ def test_ctrl_c_waits_for_the_end_of_an_import(tmp_path: Path, monkeypatch: pyte
     assert slow_to_start.started
     assert time.monotonic() < until, "the sleep was not interrupted"
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_sent_twice_at_once_counts_once(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    said = []
+    with pytest.raises(KeyboardInterrupt), interrupts_between_imports():  # noqa: PT012
+        try:
+            signal.raise_signal(number)
+        except KeyboardInterrupt:
+            signal.raise_signal(number)
+            said.append("where to go on")
+            monkeypatch.setattr(interrupts, "_SAME_S", 0.0)  # who sends it again later wants an end
+            signal.raise_signal(number)
+            said.append("too late")
+    assert said == ["where to go on"]
 
 
 @pytest.mark.slow
