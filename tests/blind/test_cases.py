@@ -33,6 +33,7 @@ def test_cases_are_diagnosed_without_their_truth(tmp_path: Path, capsys: pytest.
     assert record["false_cause"] == {"value": 0.0, "ci90": [0.0, pytest.approx(0.73, abs=0.01)], "cases": 1}
 
 
+@pytest.mark.slow
 def test_the_same_seed_makes_the_same_case(tmp_path: Path) -> None:
     for name in ("a", "b"):
         make = ["blind", "make", "arcfold", "--cases", "1", "--kind", "single", "--only", "servo_trim"]

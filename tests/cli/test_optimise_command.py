@@ -98,6 +98,7 @@ def test_the_page_says_the_numbers_of_the_summary_and_of_the_terminal(gaitopt: R
         assert text.replace("`", "").replace("%", " %").replace("  %", " %") in said.replace("\u00a0", " ")
 
 
+@pytest.mark.slow
 def test_the_answer_is_short_and_says_where_the_report_is(gaitopt: Run, tmp_path: Path) -> None:
     code, out, err = gaitopt("optimise", STRIDER, "--budget", 3, "--out", tmp_path / "run")
     assert code == 0

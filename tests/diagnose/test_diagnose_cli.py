@@ -163,6 +163,7 @@ def test_another_robot(strider: Problem, tmp_path: Path, capsys: pytest.CaptureF
     assert json.loads(capsys.readouterr().out)["verdict"] == "no_gap"
 
 
+@pytest.mark.slow
 def test_import_then_diagnose(arcfold: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     trajectory = Simulator.build(arcfold).run(arcfold.baselines["square-1s"], duration=4.0)
     time = np.arange(0.0, 4.0, 0.04)

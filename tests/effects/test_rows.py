@@ -38,6 +38,7 @@ def test_effects_says_what_does_not_apply(capsys: pytest.CaptureFixture[str]) ->
     assert {row["name"] for row in rows if not row["applies"]} == {*hinges, *ELSEWHERE}
 
 
+@pytest.mark.slow
 def test_optimise_works_on_a_robot_with_an_effect(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], strider: Problem
 ) -> None:

@@ -49,6 +49,7 @@ def test_nothing_is_left_where_a_request_is_wrong(strider: Problem) -> None:
     assert not list(Path().iterdir())
 
 
+@pytest.mark.slow
 def test_a_finished_run_is_printed_again_whatever_is_left_of_it(strider: Problem) -> None:
     """Without its page and its evaluations, too; its own options may be said again, others may not."""
     whole = optimise(strider, budget=3, seed=5, warm_start=False, out="run")

@@ -62,6 +62,7 @@ def test_the_same_seed_gives_the_same_tied_search_whatever_the_workers(tmp_path:
     assert summary(problem, again) == summary(problem, one)
 
 
+@pytest.mark.slow
 def test_a_run_folder_keeps_the_ties_and_goes_on(tmp_path: Path) -> None:
     tied_strider(tmp_path / "bot")
     words = ["optimise", str(tmp_path / "bot"), "--budget", "12", "--quiet", "--out", str(tmp_path / "run")]

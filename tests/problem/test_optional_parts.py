@@ -203,6 +203,7 @@ def angles_only(folder: Path, problem: Problem, gait: Gait, stride: Path) -> Pat
     return folder
 
 
+@pytest.mark.slow
 def test_angles_alone_are_diagnosed(
     bare: Problem, bare_folder: Path, stride: Path, strider: Problem, tmp_path: Path
 ) -> None:

@@ -142,6 +142,7 @@ def test_a_servo_without_power_is_shaded(arm: Problem, diagnosis: Diagnosis) -> 
     assert "unpowered" not in legend_of(plots.responses(plots.Repeats([first])))
 
 
+@pytest.mark.slow
 def test_a_film_of_a_bench_without_a_marker_is_left_out(
     arm: Problem, diagnosis: Diagnosis, tmp_path: Path
 ) -> None:
@@ -149,6 +150,7 @@ def test_a_film_of_a_bench_without_a_marker_is_left_out(
     page_of(tmp_path / "run", FIGURES)
 
 
+@pytest.mark.slow
 def test_gaits_and_logs_share_a_page(tmp_path: Path) -> None:
     """A marker and a joint under a gait, and the joint under a log."""
     problem = rigs.build(tmp_path / "arm", rigs.arm(damping=0.2), {"marker": "tip", "forward": [1, 0, 0]})

@@ -92,6 +92,7 @@ def test_a_check_says_the_same_everywhere(tmp_path: Path, capsys: pytest.Capture
         assert one["message"] in terminal
 
 
+@pytest.mark.slow
 def test_a_search_says_the_same_everywhere(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "run"
     terminal = run(capsys, "optimise", STRIDER, "--budget", 4, "--out", out, "--quiet")

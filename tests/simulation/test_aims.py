@@ -110,6 +110,7 @@ def test_one_line_says_what_is_missing(quick: Problem, terms: dict[str, float], 
     assert said in str(caught.value)
 
 
+@pytest.mark.slow
 def test_aims_have_titles_and_a_search_takes_them(tmp_path: Path) -> None:
     assert label_of("straightness") == "straightness [%]"
     assert label_of("turning_rad_s") == "turning to the left [°/s]"

@@ -112,12 +112,12 @@ def test_seven_effects_at_once_are_found() -> None:
 
 
 def test_beside_a_set_only_what_promises_much_is_simulated() -> None:
-    planted = {"effect_3": 0.4, "effect_14": 0.7, "effect_40": 0.3}
-    short, long = (bench(planted, 4, effects=48) for _ in range(2))
+    planted = {"effect_3": 0.4, "effect_14": 0.7, "effect_21": 0.3}
+    short, long = (bench(planted, 4, effects=26) for _ in range(2))
     found = short.search().run()[0]
     every = replace(SETS, promising=1000, swapped=1000, promising_targets=1000)
     assert found.names == long.search(every).run()[0].names == set(planted)
-    assert short.simulated < 0.6 * long.simulated
+    assert short.simulated < 0.8 * long.simulated
 
 
 def test_a_fit_of_all_effects_begins_without_those_whose_response_is_rough() -> None:

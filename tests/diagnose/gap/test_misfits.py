@@ -43,6 +43,7 @@ def located(
     return locate(Simulator.build(problem), data, SerialExecutor(), 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [True, False])
 def test_another_gaits_recording_is_named_and_left_out(arcfold: Problem, tmp_path: Path, known: bool) -> None:
     begin = {} if not known else {"starts_at_gait_time_s": 0.3}
