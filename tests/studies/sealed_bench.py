@@ -1,14 +1,14 @@
 """Sealed cases of logged commands, by other numerics: made, diagnosed and scored, case by case, resumable.
 
     python tests/studies/sealed_bench.py bench --seed 911 --work /tmp/sealed --out results/servo-bench
-    python tests/studies/sealed_bench.py hand --seed 911 --work /tmp/sealed-hand --out results/servo-bench
+    python tests/studies/sealed_bench.py hand --seed 914 --work /tmp/hand --out results/servo-bench/hand
 
 `bench` is a servo on a bench (`other_servo`), `hand` is ArcFold held in the hand (`other_hand`). Every servo
 effect is planted alone in three sizes, then three effects at once, drawn by chance, and none. The diagnosis
 sees the logged commands and the angles alone. OUT/sealed-RIG.jsonl has one line for each finished case;
 nothing else is needed to continue on another machine.
 
-Cost: about 35 s a case on two cores, so an hour for `bench`; `hand` takes about a minute a case more.
+Cost: 35 to 70 s a case of `bench` on two cores, 1 to 5 min of `hand`; so one to two hours, and three to five.
 """
 
 from __future__ import annotations
