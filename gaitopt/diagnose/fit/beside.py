@@ -1,8 +1,9 @@
 """What one more effect promises beside a set of effects, by a few robots with it.
 
 Where nothing is known of an effect, it is simulated at a few values beside the set. Where each effect was
-simulated alone, what it does alone is added, and only what promises most is simulated: of sealed benches, the
-effect that gains most beside a set was always among the first four by such sums.
+simulated alone, what it does alone is added, and only what promises most is simulated. On made-up benches the
+effect that gains most beside a set was among the first four by such sums, but for those that jump: they are
+always simulated.
 """
 
 from __future__ import annotations
@@ -130,9 +131,7 @@ class Beside:
         reach = self.settings.difference if rough else moved * self.settings.beyond
         return replace(self.fitter.with_effect(fit, hypothesis, at, robot), radius=reach)
 
-    def promising(
-        self, fit: SetFit, responses: SingleResponses, most: int | None = None
-    ) -> list[tuple[SetFit, float]]:
+    def promising(self, fit: SetFit, responses: SingleResponses) -> list[tuple[SetFit, float]]:
         """Return the set with each effect that promises most, at its best coordinate, the best first."""
         others = self._others(fit)
         best: list[tuple[float, int, float, SetFit]] = []
@@ -148,7 +147,7 @@ class Beside:
             if targets[name] < self.settings.promising_targets:
                 targets[name] += 1
                 chosen.append((beside, at))
-        return chosen[: self.settings.promising if most is None else most]
+        return chosen[: self.settings.promising]
 
     def _places(self, fit: SetFit, smaller: Sequence[SetFit]) -> list[_Place]:
         """Return where other effects are tried beside a set."""
@@ -164,7 +163,7 @@ class Beside:
         if self.alone is None:
             return others
         most = self.settings.swapped if smaller else self.settings.promising
-        chosen = [self.promising(one, self.alone, most) for one in smaller or [fit]]
+        chosen = [self.promising(one, self.alone)[:most] for one in smaller or [fit]]
         names = {beside.hypotheses[-1].name for some in chosen for beside, _ in some}
         return [h for h in others if h.name in names or h.effect.jumps]
 

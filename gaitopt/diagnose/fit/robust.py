@@ -87,8 +87,8 @@ class RobustLoss:
             whitened: the residuals, shape (residuals, rows).
         """
         of_trials = self.row_trials == np.arange(len(self.rows))[:, None]
-        squares = np.square(whitened) @ of_trials.T.astype(whitened.dtype)
-        totals: Array = self._losses(squares.astype(float)[:, None]).sum(axis=-1).min(axis=-1)
+        squares = np.square(whitened) @ of_trials.T.astype(float)
+        totals: Array = self._losses(squares[:, None]).sum(axis=-1).min(axis=-1)
         return totals
 
     def shared_error(self, squares: Array) -> tuple[float, float]:

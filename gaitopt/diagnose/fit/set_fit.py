@@ -291,7 +291,7 @@ class SetFitter:
         Args:
             fit: the set.
             before: a step; the trials are weighted by what the slopes predict after it, shape (k,).
-            prior_rows: see there.
+            prior_rows: the prior's residual of each effect, and its slope, each of shape (k,).
             weights: of each block; None for equal weights.
         """
         products, shares = fit.products, fit.shares
