@@ -28,6 +28,9 @@ from gaitopt.simulation.rollout import Simulator
 
 Array = NDArray[np.float64]
 
+_UNIFORM_MEAN = math.sqrt(3.0)
+"""Mean of a uniform distribution that begins at 0 over its standard deviation."""
+
 
 @dataclass(frozen=True)
 class Lateness:
@@ -45,6 +48,17 @@ class Lateness:
     ci90: tuple[float, float]
     explained: float
     log_likelihood: float
+
+    @property
+    def delay_shift(self) -> tuple[float, float]:
+        """By how much a constant delay beside these may be other than fitted, s: less and more.
+
+        Repeats tell the standard deviation of the delays, not their mean. Those that the model draws are
+        uniform, with a mean of √3 standard deviations. Those of a queue are exponential, with a mean of one.
+        """
+        low, high = self.ci90
+        mean = _UNIFORM_MEAN * self.sd_s
+        return mean - _UNIFORM_MEAN * high, mean - low
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.lateness import LateChanges, Lateness, measure_lateness, simulate_late_changes
 from gaitopt.diagnose.judge.sets import JudgedSets, RankedSets, SetJudge
 from gaitopt.effects.library.jitter import COMMAND_JITTER
+from gaitopt.effects.library.timing import COMMAND_LATENCY
 from gaitopt.effects.parts import ALL
 from gaitopt.simulation.rollout import Simulator
 
@@ -79,7 +80,8 @@ def judged_by_sets(
     jitter = _fixed(by_chance[0], late.lateness.sd_s)
     judge = SetJudge.of(judgement.trial_set, context.runner, context.settings.sets)
     ranked = judge.ranked(judge.search(hypotheses, judgement.nominal, [(jitter, late.lateness.sd_s)]))
-    judged = JudgedSets.of(judge, ranked, {jitter.name: late.lateness.ci90})
+    shifts = {COMMAND_LATENCY.name: late.lateness.delay_shift}
+    judged = JudgedSets.of(judge, ranked, {jitter.name: late.lateness.ci90}, shifts)
     return replace(judgement, sets=judged), judged
 
 

@@ -34,6 +34,8 @@ from gaitopt.simulation.rollout import Simulator
 
 Array = NDArray[np.float64]
 
+_NONE: Mapping[str, Interval] = MappingProxyType({})
+
 
 @dataclass(frozen=True)
 class RankedSets:
@@ -241,6 +243,7 @@ class JudgedSets:
         changes: what each effect of a set changes, see `SetJudge.changes`; simulated for the probable sets.
         timestep: what a finer timestep changes of the whitened residual of the first set, shape (rows,).
         known: intervals of the effects that are at work as other evidence says: they are in every set.
+        shifts: by how much the parameter of another effect may be less or more than its fit says.
         wide: the first set with slopes over wide chords, and how rough its loss is; None where they were not
             measured: under gaits, and without a set.
     """
@@ -252,11 +255,15 @@ class JudgedSets:
     changes: tuple[Mapping[str, float], ...]
     timestep: Array
     known: Mapping[str, Interval] = field(default_factory=dict)
+    shifts: Mapping[str, Interval] = field(default_factory=dict)
     wide: WideChords | None = None
 
     @staticmethod
     def of(
-        judge: SetJudge, ranked: RankedSets, known: Mapping[str, Interval] = MappingProxyType({})
+        judge: SetJudge,
+        ranked: RankedSets,
+        known: Mapping[str, Interval] = _NONE,
+        shifts: Mapping[str, Interval] = _NONE,
     ) -> JudgedSets:
         """Return ranked sets with what is simulated about the probable ones.
 
@@ -264,17 +271,20 @@ class JudgedSets:
             judge: their judge.
             ranked: the sets.
             known: intervals of the effects that other evidence shows; the empty set is then impossible.
+            shifts: by how much parameters of other effects may then differ from their fit.
         """
         fits, candidates, scores = ranked.fits, ranked.candidates, ranked.scores
         none = -math.inf if known else ranked.none
         if not fits:
-            return JudgedSets(judge, (), scores, none, (), np.zeros(len(judge.loss.row_trials)), known)
+            return JudgedSets(
+                judge, (), scores, none, (), np.zeros(len(judge.loss.row_trials)), known, shifts
+            )
         probable = max(1, int(np.sum(probabilities(scores) >= judge.settings.probable)))
         timestep = judge.timestep_change(fits[0])
         changes = judge.simulated_changes(fits[:probable], timestep)
         changes += [judge.changes(fit) for fit in fits[probable:]]
         wide = WideChords.of(judge.fitter, fits[0])
-        return JudgedSets(judge, candidates, scores, none, tuple(changes), timestep, known, wide)
+        return JudgedSets(judge, candidates, scores, none, tuple(changes), timestep, known, shifts, wide)
 
     @property
     def scores_if_usual(self) -> Array:
@@ -298,7 +308,14 @@ class JudgedSets:
             raise ValueError("the candidate is no set of effects")
         found = set_intervals(candidate.together, self.covariance(candidate.together, changes))
         parts = zip(candidate.hypotheses, found, strict=True)
-        return [self.known.get(h.name, interval) for h, interval in parts]
+        return [self.known.get(h.name, self._shifted(h, interval)) for h, interval in parts]
+
+    def _shifted(self, h: Hypothesis, interval: Interval) -> Interval:
+        """Return the interval of a parameter that may be less or more than its fit says, in its unit."""
+        if h.effect.name not in self.shifts:
+            return interval
+        less, more = self.shifts[h.effect.name]
+        return max(interval[0] + less, h.value(h.low)), min(interval[1] + more, h.value(h.high))
 
     def covariance(self, fit: SetFit, changes: Array) -> Array:
         """Return the covariance of a set's parameters, in squares of their ranges, shape (k, k).

@@ -1,5 +1,6 @@
 """Delays of commands by chance are found and sized from how repeats differ."""
 
+import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -111,3 +112,11 @@ def test_a_diagnosis_names_jitter_and_not_the_latency_that_stands_in_for_it(
     assert found.found is not None
     (row,) = [one for one in found.found.effects if one.name == COMMAND_JITTER.name]
     assert row.parameter.ci90[0] < 0.008 < row.parameter.ci90[1]
+
+
+def test_the_mean_of_delays_by_chance_is_known_less_well_than_their_spread() -> None:
+    lateness = Lateness(0.005, (0.004, 0.006), 1.0, 0.0)
+    less, more = lateness.delay_shift
+    uniform, wider, queue = math.sqrt(3.0) * 0.005, math.sqrt(3.0) * 0.006, 0.004
+    assert uniform + (0.0 - less) == pytest.approx(wider)
+    assert uniform - more == pytest.approx(queue)

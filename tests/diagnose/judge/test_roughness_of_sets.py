@@ -41,7 +41,7 @@ def judged(seed: int, jump: float) -> JudgedSets:
     judge = SetJudge(unused, fitter.loss, fitter, SETS, unused)
     candidate: Any = SimpleNamespace(hypotheses=fit.hypotheses, together=fit)
     wide = WideChords.of(fitter, fit)
-    return JudgedSets(judge, (candidate,), np.zeros(1), 0.0, (), np.zeros(ROWS), {}, wide)
+    return JudgedSets(judge, (candidate,), np.zeros(1), 0.0, (), np.zeros(ROWS), wide=wide)
 
 
 def covered(sets: JudgedSets) -> bool:
@@ -64,3 +64,17 @@ def test_a_smooth_response_is_not_rough() -> None:
     low, high = sets.intervals(sets.candidates[0], np.zeros((1, ROWS)))[0]
     below, above = replace(sets, wide=None).intervals(sets.candidates[0], np.zeros((1, ROWS)))[0]
     assert high - low == pytest.approx(above - below, rel=0.1)
+
+
+def test_a_cause_that_other_evidence_can_replace_is_doubtful() -> None:
+    sets, unchanged = judged(0, 0.0), np.zeros((1, ROWS))
+    assert not sets.doubtful(unchanged)
+    low, high = sets.intervals(sets.candidates[0], unchanged)[0]
+    shifted = replace(sets, shifts={"cause": (-2.0 * TRUE, 0.0)})
+    assert shifted.intervals(shifted.candidates[0], unchanged)[0] == (0.0, high)
+    assert shifted.doubtful(unchanged) == {"cause"}
+    a_little = replace(sets, shifts={"cause": (-0.1 * low, 0.2 * low)})
+    assert a_little.intervals(a_little.candidates[0], unchanged)[0] == pytest.approx(
+        (0.9 * low, high + 0.2 * low)
+    )
+    assert not a_little.doubtful(unchanged)
