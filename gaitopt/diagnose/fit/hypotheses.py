@@ -100,6 +100,12 @@ class Hypothesis:
         shares = settings.screened_measurement if self.measurement_only else settings.screened
         return sorted(self.neutral + s * (bound - self.neutral) for bound in self.sides for s in shares)
 
+    def probes(self, settings: FitSettings = FIT) -> list[float]:
+        """Return those of them that say whether the others are worth simulating: one on each side."""
+        if self.measurement_only:
+            return self.screened(settings)
+        return [self.neutral + settings.probe * (bound - self.neutral) for bound in self.sides]
+
     @property
     def sides(self) -> list[float]:
         """Bounds other than neutral."""

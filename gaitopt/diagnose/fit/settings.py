@@ -56,6 +56,9 @@ class FitSettings:
         screened: shares of the way from neutral to each bound at which a robot is simulated first. One of
             them predicts little about another: a limit shows nothing until it is reached, some responses
             begin late, and more friction is not the opposite of less.
+        probe: the one of these at which every effect is simulated;
+        promising: it is simulated at the others if the change there, multiplied by some number, removes this
+            share of the loss at least. For sets all are simulated: a small effect may act beside others.
         screened_measurement: the same for effects of the measurement, which need no simulation.
         per_interval: points of the loss curve between two simulated ones.
         rounds: number of hypotheses that are refined in each round. More than the leading ones: a fit in a
@@ -70,18 +73,25 @@ class FitSettings:
         aside_tolerances: a neighbour counts for that if it is more than this many tolerances away.
         close: mean square by which the residual of a leading fit may differ from that of the nearest
             simulated robot.
-        leading: fits that leave at most this many times the least loss are finished until they are `close`.
+        leading: fits that leave at most this many times the least loss are finished until they are `close`,
+        near: if the least loss is at most so many times what a correct model leaves.
         head_s: length of the beginnings of trials to which all effects are fitted first, s; a block at least.
         head_share: that pays if it takes at most this share of the simulated time,
-        visible: and if the nominal robot leaves this mean whitened square there at least.
+        shown: and if the sum of the whitened squares that the nominal robot leaves there is larger than that
+            of a correct model by this at least.
+        visible: mean whitened square from which the gap is clear there, and sets of effects are searched in
+            them, too.
         hopeless_head: an effect is not fitted to whole trials that leaves this many times the least loss of
-            their beginnings.
+            their beginnings,
+        removed_head: or that removes a smaller share than this of what the best one removes of that loss.
         leading_head: effects that are fitted to whole trials, at most.
         finish_rounds: rounds of finishing at most.
         finish_rounds_measurement: the same for effects of the measurement.
     """
 
     screened: tuple[float, ...] = (0.2, 0.6, 1.0)
+    probe: float = 0.6
+    promising: float = 0.02
     screened_measurement: tuple[float, ...] = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
     per_interval: int = 24
     rounds: tuple[int, ...] = (22, 16, 12, 8, 8, 8, 6, 6, 4, 4)
@@ -93,10 +103,13 @@ class FitSettings:
     aside_tolerances: float = 4.0
     close: float = 0.01
     leading: float = 1.5
+    near: float = 6.0
     head_s: float = 3.0
     head_share: float = 0.6
+    shown: float = 300.0
     visible: float = 5.0
     hopeless_head: float = 12.0
+    removed_head: float = 0.5
     leading_head: int = 24
     finish_rounds: int = 4
     finish_rounds_measurement: int = 20

@@ -175,15 +175,37 @@ class Fit:
 
     def _changes(self) -> Array:
         """Return the whitened changes of the simulated robots from the neutral one, shape (robots, rows)."""
-        neutral = min(self.comparisons, key=lambda one: abs(float(one.at[0]) - self.hypothesis.neutral))
-        changes: Array = np.stack([one.whitened for one in self.comparisons]) - neutral.whitened
+        changes: Array = np.stack([one.whitened for one in self.comparisons]) - self.neutral.whitened
         return changes
+
+    @property
+    def neutral(self) -> Comparison:
+        """The robot without the effect."""
+        return min(self.comparisons, key=lambda one: abs(float(one.at[0]) - self.hypothesis.neutral))
 
     def unscreened(self) -> list[float]:
         """Return the coordinates at which the hypothesis is tried first and was not simulated yet."""
         tried = self.hypothesis.screened(self.settings)
         known, same = [*self.coordinates.tolist(), *self.failed], _SAME * self._width
         return [at for at in tried if min(abs(at - one) for one in known) > same]
+
+    @property
+    def promise(self) -> float:
+        """The larger share of the loss that robots on one side promise to remove, see `promise_of`."""
+        return max((self.promise_of(bound) for bound in self.hypothesis.sides), default=0.0)
+
+    def promise_of(self, at: float) -> float:
+        """Return what share of the loss the robots tried on that side of neutral promise to remove.
+
+        The change of one of them is multiplied by the positive number that removes most. The share is 1 where
+        none could be simulated.
+        """
+        neutral = self.hypothesis.neutral
+        side = (self.coordinates - neutral) * (at - neutral) > 0.0
+        changes, left = self._changes()[side], self.neutral.whitened
+        sizes = np.linalg.norm(changes, axis=1) * np.linalg.norm(left)
+        cosines = -(changes @ left) / np.maximum(sizes, 1e-12)
+        return float(np.max(np.maximum(cosines, 0.0) ** 2, initial=0.0)) if side.any() else 1.0
 
     def around_best(self) -> list[float]:
         """Return where the least loss is, and the simulated robots beside it; not the neutral one."""

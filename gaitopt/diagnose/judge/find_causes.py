@@ -11,7 +11,7 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.fit.heads import head_of
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.residual import WhitenedTrial
-from gaitopt.diagnose.fit.schedule import finish, fit_all, fit_leading
+from gaitopt.diagnose.fit.schedule import complete, finish, fit_all, fit_leading
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.gap.align import Aligned
 from gaitopt.diagnose.gap.floor import Floors
@@ -119,26 +119,46 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
     if before <= settings.verdict.no_gap and uneven <= settings.verdict.uneven:
         nothing = np.empty((0, len(trial_set.row_blocks)))
         return Causes(judgement, Verdict("no_gap"), None, nothing, uneven, context.seed)
-    first = _fitted_alone(judgement, hypotheses, context)
-    wide = first if falls_short(first) else _fitted_to_whole_trials(judgement, first, context)
+    first, wide = _fitted_alone(judgement, hypotheses, context)
     if falls_short(wide):
         return _explained_by_gait_sets(first, judgement, gap, hypotheses, context)
     faint = before <= settings.verdict.faint_gap
     return _concluded(wide.refine_covariance(context), gap, trial_set, faint, context)
 
 
-def _fitted_alone(judgement: Judgement, hypotheses: Sequence[Hypothesis], context: Context) -> Judgement:
-    """Return the trials' beginnings, or the whole trials if these tell too little, with single effects.
+def _fitted_alone(
+    judgement: Judgement, hypotheses: Sequence[Hypothesis], context: Context
+) -> tuple[Judgement, Judgement]:
+    """Return what a search for sets begins with, and what one effect alone explains best.
+
+    Both have fits of single effects. The first ones are of the trials' beginnings where the gap is clear
+    there. The second ones are of whole trials, unless no effect alone explains the beginnings. Where the gap
+    is faint, these tell only which effects are worth whole trials. If none of those explains the trials,
+    every effect is tried there.
 
     Raises:
         GaitoptError: no robot with an effect can be simulated.
     """
+    head = head_of(judgement.trial_set, context.settings.fit)
+    if head is not None:
+        begun = replace(judgement, trial_set=head.trial_set, nominal=head.nominal)
+        first = _fitted(begun, hypotheses, context)
+        wide = first if falls_short(first) else _fitted_to_whole_trials(judgement, first, context)
+        if not falls_short(wide):
+            return first, wide
+        if head.clear:
+            return _completed(first, context), wide
+    whole = _fitted(judgement, hypotheses, context)
+    whole = _completed(whole, context) if falls_short(whole) else whole
+    return whole, whole
+
+
+def _fitted(judgement: Judgement, hypotheses: Sequence[Hypothesis], context: Context) -> Judgement:
+    """Return a judgement with fits of single effects."""
     runner, settings = context.runner, context.settings.fit
-    head = head_of(judgement.trial_set, settings)
-    trial_set, nominal = head or (judgement.trial_set, judgement.nominal)
-    fits = fit_all(trial_set, hypotheses, nominal, runner, settings)
+    fits = fit_all(judgement.trial_set, hypotheses, judgement.nominal, runner, settings)
     finish(fits, runner, settings)
-    fitted = replace(judgement, trial_set=trial_set, nominal=nominal, fits=tuple(fits))
+    fitted = replace(judgement, fits=tuple(fits))
     if not fitted.singles:
         raise GaitoptError("no effect can be tried: the simulation of every robot that has one fails")
     return fitted
@@ -149,14 +169,18 @@ def _fitted_to_whole_trials(judgement: Judgement, first: Judgement, context: Con
 
     Args:
         judgement: the trials.
-        first: their beginnings with fits of single effects, or they themselves.
+        first: their beginnings with fits of single effects.
         context: simulates robots.
     """
-    if first.n_rows == judgement.n_rows:
-        return first
     runner, settings = context.runner, context.settings.fit
     fits = fit_leading(judgement.trial_set, judgement.nominal, first.fits, runner, settings)
     return replace(judgement, fits=tuple(fits))
+
+
+def _completed(judgement: Judgement, context: Context) -> Judgement:
+    """Return a judgement with effects that promise little alone, too: they may act beside others."""
+    complete(judgement.fits, context.runner, context.settings.fit)
+    return replace(judgement, fits=judgement.fits)
 
 
 def _explained_by_gait_sets(

@@ -1,5 +1,6 @@
 """A set of trials whitened by one covariance after another, and its simulations in the cache."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -138,12 +139,15 @@ def test_the_beginning_is_a_block_at_least(prepared: PreparedTrials) -> None:
 
 def test_beginnings_are_taken_where_they_show_the_gap_and_save_time(prepared: PreparedTrials) -> None:
     ready = prepared.trial_set
-    short = replace(FIT, head_s=1.5, visible=0.0)
-    found = head_of(ready, short)
-    assert found is not None
-    head, nominal = found
-    assert len(nominal.whitened) == len(head.row_blocks) < len(ready.row_blocks)
-    assert head_of(ready, replace(short, visible=50.0)) is None  # the recording is the nominal robot's
+    short = replace(FIT, head_s=1.5, shown=-math.inf, visible=0.0)
+    head = head_of(ready, short)
+    assert head is not None
+    assert head.clear
+    assert len(head.nominal.whitened) == len(head.trial_set.row_blocks) < len(ready.row_blocks)
+    faint = head_of(ready, replace(short, visible=50.0))
+    assert faint is not None
+    assert not faint.clear
+    assert head_of(ready, replace(short, shown=0.0)) is None  # the recording is the nominal robot's
     assert head_of(ready, replace(short, head_s=3.5)) is None
 
 
