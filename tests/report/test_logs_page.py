@@ -74,6 +74,7 @@ def test_the_page_of_a_bench_has_one_figure_a_log(arm: Problem, diagnosis: Diagn
         assert absent not in words_of(page), absent
 
 
+@pytest.mark.slow
 def test_what_the_corrected_robot_leaves_is_drawn(
     arm: Problem, diagnosis: Diagnosis, correction: Correction, tmp_path: Path
 ) -> None:
@@ -96,6 +97,7 @@ def test_what_the_corrected_robot_leaves_is_drawn(
         np.testing.assert_allclose(line.get_ydata(), np.rad2deg(after.residual[SIGNAL]))
 
 
+@pytest.mark.slow
 def test_the_gap_of_each_log_before_and_after_is_drawn_and_told(
     arm: Problem, diagnosis: Diagnosis, tmp_path: Path
 ) -> None:

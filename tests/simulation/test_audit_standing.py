@@ -70,6 +70,7 @@ def test_no_ground_is_the_first_finding(tmp_path: Path, floor: str) -> None:
     assert '<geom name="floor"' in first.remedy
 
 
+@pytest.mark.slow
 def test_a_robot_in_water_is_not_in_the_air(tmp_path: Path) -> None:
     water = '<option density="1000" viscosity="1e-3" gravity="0 0 0"/>'
     for more, named in ((water, False), (water.replace("1000", "1.2"), True)):
@@ -81,6 +82,7 @@ def test_a_robot_in_water_is_not_in_the_air(tmp_path: Path) -> None:
         assert "no_ground" not in names  # nothing pulls it down
 
 
+@pytest.mark.slow
 def test_weak_servos_do_not_carry_the_robot(tmp_path: Path) -> None:
     names = [finding.name for finding in found(tower(tmp_path, limit=0.005, start=40.0))]
     assert names[0] == "does_not_stand"

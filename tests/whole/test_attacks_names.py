@@ -221,18 +221,26 @@ def test_a_diagnosis_of_hostile_names_ends_with_its_page(
     }
 
 
+def test_the_names_of_gait_files_are_escaped(
+    strider: Problem, tmp_path: Path, capfd: pytest.CaptureFixture[str], small: None
+) -> None:
+    files = [tmp_path / f"{name}.toml" for name in (*UNPRINTABLE, "[bold red]")]
+    robot, out = ROBOTS / "strider", tmp_path / "out"
+    for file in files:
+        write_gait(file, strider.baselines["stride"])
+        run(capfd, "simulate", robot, file)
+    run(capfd, "compare", robot, "square", *files, "--out", out)
+    assert not raw((out / "report.html").read_text().replace("\t", ""))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*UNPRINTABLE, "[bold red]"])
-def test_the_name_of_a_gait_file_is_escaped(
+def test_the_name_of_the_gait_of_a_sweep_is_escaped(
     strider: Problem, tmp_path: Path, capfd: pytest.CaptureFixture[str], small: None, name: str
 ) -> None:
     file = tmp_path / f"{name}.toml"
     write_gait(file, strider.baselines["stride"])
-    out = tmp_path / "out"
-    robot = ROBOTS / "strider"
-    run(capfd, "simulate", robot, file)
-    run(capfd, "compare", robot, "square", file, "--out", out)
-    assert not raw((out / "report.html").read_text().replace("\t", ""))
-    run(capfd, "sweep", robot, file, "--over", "period_s=0.4,0.5", "--out", tmp_path / "sweep")
+    run(capfd, "sweep", ROBOTS / "strider", file, "--over", "period_s=0.4,0.5", "--out", tmp_path / "sweep")
 
 
 @pytest.mark.slow

@@ -38,6 +38,7 @@ def test_the_same_seed_makes_the_same_case(tmp_path: Path) -> None:
     assert texts[0] == texts[1]
 
 
+@pytest.mark.slow
 def test_a_search_that_is_resumed_may_tell_its_progress(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

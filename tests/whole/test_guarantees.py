@@ -55,6 +55,7 @@ def test_every_promise_names_a_test() -> None:
     assert set(re.findall(r"\btest_\w+", PAGE)) == set(NAMED), "a test is named outside of a line"
 
 
+@pytest.mark.slow
 def test_every_test_that_is_named_runs_here(collected: dict[str, list[Row]]) -> None:
     """One that is skipped for what holds on this machine, in all of its cases, shows nothing here."""
     assert len(collected) > 800
@@ -63,6 +64,7 @@ def test_every_test_that_is_named_runs_here(collected: dict[str, list[Row]]) -> 
         assert not all(row["obstacles"] for row in collected[name]), collected[name]
 
 
+@pytest.mark.slow
 def test_every_test_that_is_named_asserts_something(collected: dict[str, list[Row]]) -> None:
     """A test without an assertion, an expected error or a helper that has one would pass whatever happens."""
     for name in NAMED:

@@ -96,6 +96,7 @@ def test_trials_of_a_very_different_robot_all_fit(arcfold: Problem, tmp_path: Pa
     assert not located(arcfold, tmp_path, trials).misfit_trials
 
 
+@pytest.mark.slow
 def test_all_trials_are_kept_where_most_seem_to_be_misfits(arcfold: Problem, tmp_path: Path) -> None:
     swapped = {
         "a": ("square-1s", walked(arcfold, "square-2s")),
