@@ -257,7 +257,7 @@ def test_an_interrupted_diagnosis_goes_on_to_the_same_bits(
     with pytest.raises(Stopped) as stopped:
         asked(out=halted, workers=1, on_progress=interrupt)
     assert stopped.value.folder == halted
-    assert int(stopped.value.done.removesuffix(" robots")) >= 4
+    assert int(stopped.value.done.removesuffix(" robots")) >= 2  # the tilt of a camera needs none
     assert not (halted / "diagnosis.json").exists()
     with pytest.raises(GaitoptError, match="nothing was simulated there with this problem"):
         asked(resume=halted, seed=2)
