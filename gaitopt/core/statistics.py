@@ -11,6 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+UNIFORM_WIDTH = math.sqrt(12.0)
+"""Width of a uniform distribution over its standard deviation; its mean, from 0 on, is half of the width."""
+
 NORMAL_95 = 1.645
 """95 % point of the standard normal distribution, rounded: plus and minus this many standard errors are
 a 90 % interval."""
@@ -114,4 +117,4 @@ def explained_by_groups(values: NDArray[np.float64], outcomes: NDArray[np.float6
 
 def uniform_sd(width: float) -> float:
     """Return the standard deviation of what lies anywhere in a range, or was rounded to steps so wide."""
-    return width / math.sqrt(12.0)
+    return width / UNIFORM_WIDTH

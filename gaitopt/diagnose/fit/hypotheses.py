@@ -98,13 +98,17 @@ class Hypothesis:
     def screened(self, settings: FitSettings = FIT) -> list[float]:
         """Return the coordinates at which the hypothesis is tried first, ascending."""
         shares = settings.screened_measurement if self.measurement_only else settings.screened
-        return sorted(self.neutral + s * (bound - self.neutral) for bound in self.sides for s in shares)
+        return sorted(self._toward_sides(shares))
 
     def probes(self, settings: FitSettings = FIT) -> list[float]:
         """Return those of them that say whether the others are worth simulating: one on each side."""
         if self.measurement_only:
             return self.screened(settings)
-        return [self.neutral + settings.probe * (bound - self.neutral) for bound in self.sides]
+        return self._toward_sides((settings.probe,))
+
+    def _toward_sides(self, shares: Sequence[float]) -> list[float]:
+        """Return the coordinates at some shares of the way from neutral to each bound."""
+        return [self.neutral + s * (bound - self.neutral) for bound in self.sides for s in shares]
 
     @property
     def sides(self) -> list[float]:

@@ -180,7 +180,7 @@ def _fitted_to_whole_trials(judgement: Judgement, first: Judgement, context: Con
 def _completed(judgement: Judgement, context: Context) -> Judgement:
     """Return a judgement with effects that promise little alone, too: they may act beside others."""
     complete(judgement.fits, context.runner, context.settings.fit)
-    return replace(judgement, fits=judgement.fits)
+    return replace(judgement, fits=judgement.fits)  # so that what was derived from the fits is forgotten
 
 
 def _explained_by_gait_sets(

@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.core.statistics import UNIFORM_WIDTH
 from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.gap.predict import Run, predict_runs, runs_of
@@ -27,9 +28,6 @@ from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.rollout import Simulator
 
 Array = NDArray[np.float64]
-
-_UNIFORM_MEAN = math.sqrt(3.0)
-"""Mean of a uniform distribution that begins at 0 over its standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +55,8 @@ class Lateness:
         uniform, with a mean of √3 standard deviations. Those of a queue are exponential, with a mean of one.
         """
         low, high = self.ci90
-        mean = _UNIFORM_MEAN * self.sd_s
-        return mean - _UNIFORM_MEAN * high, mean - low
+        uniform = 0.5 * UNIFORM_WIDTH
+        return uniform * self.sd_s - uniform * high, uniform * self.sd_s - low
 
 
 @dataclass(frozen=True)

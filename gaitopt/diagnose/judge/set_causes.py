@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.core.statistics import UNIFORM_WIDTH
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.diagnose.fit.trials import TrialSet
@@ -101,7 +102,7 @@ def _late_commands(
     if not known:
         return None
     robot, lateness = max(known, key=lambda pair: pair[1].log_likelihood)
-    width = np.sqrt(12.0) * lateness.sd_s
+    width = UNIFORM_WIDTH * lateness.sd_s
     delays = [
         simulate_late_changes(
             robot, trial_set.trials, context.executor, share * width, context.settings.lateness

@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.core.statistics import UNIFORM_WIDTH
 from gaitopt.core.streams import COMMAND_JITTER_SEED, Stream, generator
 from gaitopt.effects.effect import Effect
 from gaitopt.effects.library.timing import partly, saturation
@@ -23,25 +24,22 @@ _FRAME_S = 0.01
 _FRAME_EDGE = 0.2837
 """Share of a frame before its time: an edge of frames that rows at a round rate do not come close to."""
 
-_WIDTH = math.sqrt(12.0)
-"""Width of a uniform distribution over its standard deviation."""
-
 
 def _late_by_chance(sent: Commands, sd: float, parts: Parts) -> Commands:
     """Return the commands, each change of them late by its own time.
 
     A command waits for the next period of the pulses and the next pass of the servo's loop, which do not
-    know of it: its delay is uniform, from none to `_WIDTH` times `sd`. Servos that get their commands in one
-    frame wait equally long. No command overtakes the one before.
+    know of it: its delay is uniform, from none to `UNIFORM_WIDTH` times `sd`. Servos that get their commands
+    in one frame wait equally long. No command overtakes the one before.
     """
     step_s, servos = parts.step_s, parts.servos
     largest = saturation(parts)
-    longest = math.ceil(_WIDTH * sd / step_s) + 1
+    longest = math.ceil(UNIFORM_WIDTH * sd / step_s) + 1
 
     def late(time: Array) -> Array:
         rows = sent(time).copy()
         clock = time[0] + step_s * np.arange(-longest, round((time[-1] - time[0]) / step_s) + 1)
-        earlier, waited = sent(clock), _WIDTH * sd * _draws(clock)
+        earlier, waited = sent(clock), UNIFORM_WIDTH * sd * _draws(clock)
         for i, most in zip(servos, largest, strict=True):
             rows[:, i] = _arriving(clock, earlier[:, i], waited, time, step_s, most)
         return rows
