@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from gaitopt.diagnose.gap.align import Aligned, unlike
-from gaitopt.diagnose.gap.floor import Floor, Floors, marker_floor
+from gaitopt.diagnose.gap.floor import Floor, Floors, floors_off, marker_floor
 from gaitopt.diagnose.gap.leftover import TopSpeeds
 from gaitopt.diagnose.gap.misfits import MISFITS
 from gaitopt.diagnose.gap.mismatches import mismatches
@@ -19,7 +18,7 @@ from gaitopt.diagnose.record.cycles import steady_from
 from gaitopt.diagnose.record.defect import Defect
 from gaitopt.effects import EFFECTS
 from gaitopt.problem.problem import Problem
-from gaitopt.robot.signals import is_position, unit_of
+from gaitopt.robot.signals import unit_of
 
 SIGNIFICANT = 2.0
 """A gap of this many floors is significant: the gap of a correct model is below it in 95 of 100 cases."""
@@ -114,10 +113,7 @@ class TrialGap:
     @property
     def ratios(self) -> dict[str, float]:
         """Gap over floor, of the marker and of each angle."""
-        pairs = {n: (self.aligned.rms(n), f.total) for n, f in self.floors.items() if not is_position(n)}
-        if any(map(is_position, self.floors)):
-            pairs = {"marker": (self.aligned.marker_rms, marker_floor(self.floors))} | pairs
-        return {name: gap / floor if floor > 0.0 else math.inf for name, (gap, floor) in pairs.items()}
+        return floors_off(self.aligned, self.floors)
 
     @property
     def counts(self) -> bool:

@@ -261,7 +261,7 @@ def _trial(trial: TrialGap) -> str:
     else:
         gap = "no marker was measured"
     if ratio <= 1.0:
-        verdict = "the gap is below the floor, so this trial is not used to find a cause"
+        verdict = "the gap is below the floor, so this trial alone shows no cause"
     elif ratio <= SIGNIFICANT:
         verdict = f"{worst} is {ratio:.1f} times its floor, which is not significant"
     else:
@@ -283,7 +283,7 @@ def _of_log(trial: TrialGap) -> str:
         f"most of which is {_main_part(trial, signals)}"
     )
     if ratio <= SIGNIFICANT:
-        text += "; this is not significant" if ratio > 1.0 else "; this trial is not used to find a cause"
+        text += "; this is not significant"
     if trial.aligned.trial.starts_at_s is None:
         text += f"; the recording begins {trial.aligned.offset_s:.2f} s after the log (fitted)"
     return f"{text}."

@@ -89,6 +89,14 @@ def marker_floor(floors: Floors) -> float:
     return math.sqrt(sum(floor.total**2 for name, floor in floors.items() if is_position(name)))
 
 
+def floors_off(aligned: Aligned, floors: Floors) -> dict[str, float]:
+    """Return the gap of the marker and of each angle, in floors."""
+    pairs = {n: (aligned.rms(n), floor.total) for n, floor in floors.items() if not is_position(n)}
+    if any(map(is_position, floors)):
+        pairs = {"marker": (aligned.marker_rms, marker_floor(floors))} | pairs
+    return {name: gap / floor if floor > 0.0 else math.inf for name, (gap, floor) in pairs.items()}
+
+
 def measure_floors(
     simulator: Simulator,
     trials: Sequence[Aligned],

@@ -34,14 +34,28 @@ def scores(
     simulated at other places near it would have changed it as much.
     """
     best = min(candidates, key=lambda candidate: candidate.total_loss)
-    units = settings.temper * max(1.0, best.total_loss / trial_set.rows_per_block.sum())
-    units = units + settings.jump_share * best.loss_jumps(trial_set, response)
     priors = np.array(
         [settings.prior_weight * _log_prior(one, settings) + one.log_target_share for one in candidates]
     )
     by_trial = np.array([trial_set.by_trial(one.heldout_loss) for one in candidates])
-    weights: Array = -0.5 * by_trial @ (1.0 / units) + priors
+    weights: Array = -0.5 * by_trial @ (1.0 / tempers(trial_set, best, settings, response)) + priors
     return weights
+
+
+def tempers(
+    trial_set: TrialSet, best: Candidate, settings: EvidenceSettings, response: ResponseSettings
+) -> Array:
+    """Return how many whitened squares of each trial count as one, shape (trials,).
+
+    Args:
+        trial_set: the trials.
+        best: the best candidate.
+        settings: the temper, and the share of the jumps near it.
+        response: how these jumps are measured.
+    """
+    temper = settings.temper * max(1.0, best.total_loss / trial_set.rows_per_block.sum())
+    tempered: Array = temper + settings.jump_share * best.loss_jumps(trial_set, response)
+    return tempered
 
 
 def _log_prior(candidate: Candidate, settings: EvidenceSettings) -> float:
@@ -86,37 +100,44 @@ def p_value(
     trial_set: TrialSet,
     nominal: Comparison,
     candidates: Sequence[Candidate],
-    gain: float,
+    best: Candidate,
+    trials: NDArray[np.bool_],
     seed: int,
     settings: EvidenceSettings = EVIDENCE,
+    response: ResponseSettings = RESPONSE,
 ) -> float:
-    """Return how often some effect would gain this much on "no effect" by chance alone.
+    """Return how often some effect would gain as much as the best one on "no effect" by chance alone.
 
-    A parametric bootstrap: residuals of a correct model are drawn from the covariance, and their squares are
-    tempered as in `scores`. Each draw is explained as far as the change with any simulated robot can explain
-    it. So the best of many hypotheses is compared with the best of equally many.
+    A parametric bootstrap: residuals of a correct model are drawn from the covariance. Their squares are
+    tempered as in `scores`, so that a gait on which the loss jumps from robot to robot proves little. Each
+    draw is explained as far as the change with any simulated robot can explain it. So the best of many
+    hypotheses is compared with the best of equally many.
 
     Args:
         trial_set: the trials.
         nominal: the trials compared with the nominal robot.
         candidates: candidates of one effect.
-        gain: the loss that the best candidate saved.
+        best: the candidate that is blamed.
+        trials: the trials that can show it, shape (trials,).
         seed: seed of the draws.
         settings: the temper, and the number of draws.
+        response: how the jumps near the best candidate are measured.
     """
     fits = [candidate.alone for candidate in candidates if candidate.alone]
     robots = [one for fit in fits for one in fit.comparisons]
-    changes = np.stack([one.whitened - nominal.whitened for one in robots])
+    temper = tempers(trial_set, best, settings, response)
+    share = trials / temper
+    units = np.sqrt(share)[trial_set.row_trials]
+    changes = np.stack([(one.whitened - nominal.whitened) * units for one in robots])
     sizes = np.linalg.norm(changes, axis=1)
     moved = sizes > 1e-9
     if not moved.any():
         return 1.0
+    saved = trial_set.by_trial(trial_set.losses(nominal.whitened) - best.heldout_loss)
     sizes, directions = sizes[moved], changes[moved] / sizes[moved][:, None]
     rng = generator(seed, Stream.CHANCE_GAIN)
-    left = min(candidate.total_loss for candidate in candidates) / trial_set.rows_per_block.sum()
-    spread = math.sqrt(settings.temper * max(1.0, left))
-    drawn = spread * rng.standard_normal((settings.chance_draws, changes.shape[1]))
+    drawn = rng.standard_normal((settings.chance_draws, changes.shape[1]))
     along = np.maximum(drawn @ directions.T, 0.0)
     reached = np.minimum(along, sizes)
     gains = (reached * (2.0 * along - reached)).max(axis=1)
-    return float((1 + np.sum(gains >= gain)) / (1 + settings.chance_draws))
+    return float((1 + np.sum(gains >= saved @ share)) / (1 + settings.chance_draws))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.fit.heads import head_of
@@ -14,7 +15,7 @@ from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.diagnose.fit.schedule import complete, finish, fit_all, fit_leading
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.gap.align import Aligned
-from gaitopt.diagnose.gap.floor import Floors
+from gaitopt.diagnose.gap.floor import Floors, floors_off
 from gaitopt.diagnose.gap.predict import predict_each
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.chance import fitted_chance
@@ -59,6 +60,13 @@ class NominalGap:
     def has_logs(self) -> bool:
         """Whether the commands of any trial have no period."""
         return any(aligned.trial.has_log for aligned in self.trials)
+
+    @property
+    def above_floor(self) -> NDArray[np.bool_]:
+        """Whether a gap of each trial is above its floor, so that the trial can show a cause; shape
+        (trials,)."""
+        pairs = zip(self.trials, self.floors, strict=True)
+        return np.array([max(floors_off(aligned, floors).values()) > 1.0 for aligned, floors in pairs])
 
 
 @dataclass(frozen=True)
@@ -116,7 +124,8 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
         return _concluded_sets(*sets, gap, hypotheses, context)
     uneven = unevenness(trial_set, gap.floors, prepared.perturbed, settings.verdict)
     before = judgement.none.left(trial_set)
-    if before <= settings.verdict.no_gap and uneven <= settings.verdict.uneven:
+    within = before <= settings.verdict.no_gap or not gap.above_floor.any()
+    if within and uneven <= settings.verdict.uneven:
         nothing = np.empty((0, len(trial_set.row_blocks)))
         return Causes(judgement, Verdict("no_gap"), None, nothing, uneven, context.seed)
     first, wide = _fitted_alone(judgement, hypotheses, context)
@@ -264,6 +273,6 @@ def _concluded(
     """
     robots = perturbed_about(judgement.trial_set, judgement.first, context)
     uneven = unevenness(trial_set, gap.floors, robots.comparisons, context.settings.verdict)
-    verdict = conclude(judgement, robots, uneven, faint, context.seed)
+    verdict = conclude(judgement, robots, gap.above_floor, uneven, faint, context.seed)
     measured, angles = _gaps(judgement, gap, judgement.meter(context.seed))
     return Causes(judgement, verdict, measured, robots.changes, uneven, context.seed, angles)

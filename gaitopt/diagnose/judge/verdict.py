@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitopt.diagnose.judge import evidence
 from gaitopt.diagnose.judge.judgement import Judgement
@@ -57,21 +58,35 @@ class _Answer:
     rest: tuple[str, ...] = ()
 
 
-def conclude(judgement: Judgement, robots: PerturbedRobots, uneven: float, faint: bool, seed: int) -> Verdict:
+def conclude(
+    judgement: Judgement,
+    robots: PerturbedRobots,
+    above_floor: NDArray[np.bool_],
+    uneven: float,
+    faint: bool,
+    seed: int,
+) -> Verdict:
     """Return the answer that the evidence allows.
 
     Args:
         judgement: the candidates.
         robots: robots perturbed about the first of them.
+        above_floor: whether the gap of each trial is above its floor: only there an effect can be shown.
         uneven: by how much the recorded cycles differ, in differences of these robots' cycles.
         faint: whether the gap counts as none if no effect explains it.
         seed: seed of the draws for the p-value.
     """
     settings, trial_set = judgement.settings.verdict, judgement.trial_set
     none, first = judgement.none, judgement.first
-    gain = none.total_loss - first.total_loss
     chance_alone = evidence.p_value(
-        trial_set, judgement.nominal, judgement.singles, gain, seed, judgement.settings.evidence
+        trial_set,
+        judgement.nominal,
+        judgement.singles,
+        first,
+        above_floor,
+        seed,
+        judgement.settings.evidence,
+        judgement.settings.response,
     )
     remains = first.left(trial_set)
     other = max(

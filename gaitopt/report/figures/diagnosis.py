@@ -108,7 +108,7 @@ def components(trials: Sequence[TrialGap]) -> Figure:
             label=component,
         )
         left += widths
-    labels = [f"{trial.name}: {name}{'' if trial.counts else ' (not used)'}" for trial, name in bars]
+    labels = [f"{trial.name}: {name}{'' if trial.counts else ' (below its floor)'}" for trial, name in bars]
     name_rows(axes, places.tolist(), labels, 8.0)
     axes.margins(y=0.02)
     axes.axvline(1.0, color="k", lw=1.0, ls="--", label="the floor")

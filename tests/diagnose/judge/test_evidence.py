@@ -117,10 +117,30 @@ def test_chance_gains_little(planted: float, significant: bool) -> None:
                 fit,
             )
         )
-    gain = float(nominal.whitened @ nominal.whitened) - min(c.total_loss for c in candidates)
-    chance = evidence.p_value(trial_set, nominal, candidates, max(gain, 0.0), 1)
+    best = min(candidates, key=lambda candidate: candidate.total_loss)
+    chance = evidence.p_value(trial_set, nominal, candidates, best, np.array([True]), 1)
     assert (chance <= 0.05) == significant
-    assert chance == evidence.p_value(trial_set, nominal, candidates, max(gain, 0.0), 1)
+    assert chance == evidence.p_value(trial_set, nominal, candidates, best, np.array([True]), 1)
+
+
+def test_what_one_of_many_unlike_robots_gains_is_chance() -> None:
+    """A robot that fits a fast gait by luck proves nothing: those near it, simulated as well, do not fit."""
+    rng = np.random.default_rng(5)
+    direction = rng.standard_normal(ROWS) * (1.0 - SHOWN)
+    measured = 8.0 * direction / np.linalg.norm(direction)
+    at = (0.0, 0.498, 0.5, 0.502, 1.0)
+    jumps = rng.standard_normal((len(at), ROWS)) * (1.0 - SHOWN)
+    jumps[[at.index(0.0), at.index(0.5)]] = 0.0
+
+    def chance(size: float, trials: tuple[bool, bool]) -> float:
+        found = of_two_trials(measured, lambda a: 2.0 * a * measured + size * jumps[at.index(a)], at)
+        assert found.at == pytest.approx([0.5], abs=0.05)
+        nominal = toy_comparison([0.0], measured)
+        return evidence.p_value(trials_of(found), nominal, [found], found, np.array(trials), 1)
+
+    assert chance(0.0, (True, True)) < 0.01
+    assert chance(3.0, (True, True)) > 0.1
+    assert chance(0.0, (True, False)) == 1.0
 
 
 @pytest.mark.parametrize("stiffness", [0.1, 1.0, 10.0])
