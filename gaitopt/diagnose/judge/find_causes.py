@@ -123,15 +123,15 @@ def find_causes(gap: NominalGap, hypotheses: Sequence[Hypothesis], context: Cont
         sets = judged_by_sets(judgement, gap.floors, hypotheses, context)
         return _concluded_sets(*sets, gap, hypotheses, context)
     uneven = unevenness(trial_set, gap.floors, prepared.perturbed, settings.verdict)
-    before = judgement.none.left(trial_set)
-    within = before <= settings.verdict.no_gap or not gap.above_floor.any()
+    before = trial_set.mean_squares(nominal.whitened)
+    within = np.all(before[gap.above_floor] <= settings.verdict.no_gap)
     if within and uneven <= settings.verdict.uneven:
         nothing = np.empty((0, len(trial_set.row_blocks)))
         return Causes(judgement, Verdict("no_gap"), None, nothing, uneven, context.seed)
     first, wide = _fitted_alone(judgement, hypotheses, context)
     if falls_short(wide):
         return _explained_by_gait_sets(first, judgement, gap, hypotheses, context)
-    faint = before <= settings.verdict.faint_gap
+    faint = bool(before.max() <= settings.verdict.faint_gap)
     return _concluded(wide.refine_covariance(context), gap, trial_set, faint, context)
 
 

@@ -133,9 +133,9 @@ class VerdictSettings:
     """Thresholds of the answer. The residual of a candidate is a mean whitened square: 1 for a correct model.
 
     Attributes:
-        no_gap: a nominal robot that leaves at most this in every trial has no significant gap. It is below 1:
-            a small effect that acts equally in all trials is not visible in their mean squares, but a robot
-            with the effect fits better.
+        no_gap: a nominal robot that leaves at most this in every trial whose gap is above its floor has no
+            significant gap. It is below 1: a small effect that acts equally in all trials is not visible in
+            their mean squares, but a robot with the effect fits better.
         faint_gap: a nominal robot that leaves at most this has no gap if no effect explains it.
         left: a candidate that leaves more than this leaves a significant gap.
         other_half: something else has a probability of one half if the best candidate leaves this.

@@ -39,7 +39,7 @@ BRIEF = DiagnosisSettings(
 @pytest.fixture(scope="module")
 def folder(arcfold: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short walk uphill."""
-    walk = rollout(arcfold, "square-1s", 3.0, {"ground_slope": {"angle_rad": 0.06}})
+    walk = rollout(arcfold, "square-1s", 6.0, {"ground_slope": {"angle_rad": 0.06}})
     return dataset(tmp_path_factory.mktemp("data"), {"walk": ("square-1s", recording_of(walk))})
 
 
