@@ -130,18 +130,17 @@ class Diagnosis:
 
     @cached_property
     def correction(self) -> Candidate | None:
-        """The explanation that corrects the robot, whatever the verdict; None where there is none, or no gap.
+        """The explanation that corrects the robot, whatever the verdict; None where none does.
 
         It is the most probable one if effects are blamed, else the most probable of those that predict
-        held-out data better than the nominal robot does.
+        held-out data better than the nominal robot does. None does if every gap is within its floor.
         """
         found = self.found
-        if found is None or found.verdict == "no_gap":
+        if found is None or self.within_floor:
             return None
         if found.causes:
             return found.best
-        before = found.none.rms_left
-        return next((one for one in found.candidates if one.rms_left < before), None)
+        return next((one for one in found.candidates if one.rms_left < found.none.rms_left), None)
 
     @property
     def correction_or_best(self) -> Candidate | None:
@@ -161,6 +160,11 @@ class Diagnosis:
     def significant(self) -> bool:
         """Whether any trial has a gap that its floor does not explain."""
         return any(trial.significant for trial in self.fitting)
+
+    @property
+    def within_floor(self) -> bool:
+        """Whether there is no gap, not even one as small errors of the robot may make it."""
+        return self.verdict == "no_gap" and not self.significant
 
     @property
     def verdict(self) -> str:

@@ -41,8 +41,11 @@ def answer(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
     gap = shown_gap(diagnosis)
     figures = f"{gap.amount(gap.gap.before)} RMS of {gap.of}, floor {gap.amount(gap.gap.floor)}"
-    if diagnosis.verdict == "no_gap":
+    if diagnosis.within_floor:
         return f"No significant gap: {figures}{_angles_too(diagnosis)}."
+    if diagnosis.verdict == "no_gap":
+        text = f"No effect stands out from the small errors that every robot has. The gap: {figures}."
+        return f"{text} {how_far(diagnosis)}".strip()
     if diagnosis.verdict == "explained" and not (diagnosis.found and diagnosis.found.causes):
         return f"The gap ({figures}) is in the recordings: {', '.join(diagnosis.causes)}."
     if diagnosis.found is not None and diagnosis.found.candidates:
@@ -129,6 +132,8 @@ def how_far(diagnosis: Diagnosis) -> str:
         return (
             f"{text} {'Other effects explain' if doubt else 'Fewer of these may explain'} the trials as well."
         )
+    if diagnosis.verdict == "no_gap":
+        return f"{text} Small errors may do the same."
     return text if diagnosis.verdict == "explained" else f"{text} This is not all that is wrong."
 
 

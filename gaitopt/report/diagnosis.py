@@ -166,7 +166,8 @@ def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     scale, unit = (math.degrees(1.0), "°") if shown.in_rad else (1e3, " mm")
     values = (shown.gap.before, shown.gap.after, shown.gap.floor)
     before, after, floor = (figure(scale * value) for value in values)
-    tiles = [(_VERDICTS[verdict], causes if verdict != "no_gap" else "within the floor")]
+    within = "within the floor" if diagnosis.within_floor else "within small errors of the robot"
+    tiles = [(_VERDICTS[verdict], causes if verdict != "no_gap" else within)]
     if found and found.effects and verdict != "no_gap":
         first = found.effects[0]
         best = "the best candidate, " if not diagnosis.causes else ""

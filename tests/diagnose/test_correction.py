@@ -51,8 +51,13 @@ def test_without_a_fitted_effect_there_is_nothing_to_correct(strider: Problem) -
     assert correct(strider, located) is None
 
 
-def found_with(verdict: str, causes: tuple[str, ...], left: list[float], nominal: float) -> Diagnosis:
-    """A diagnosis whose candidates leave so much of held-out angles, rad, the most probable first."""
+def found_with(
+    verdict: str, causes: tuple[str, ...], left: list[float], nominal: float, significant: bool = True
+) -> Diagnosis:
+    """A diagnosis whose candidates leave so much of held-out angles, rad, the most probable first.
+
+    Its one trial has a significant gap, or none.
+    """
 
     def candidate(rms: float) -> Candidate:
         nothing = np.empty(0)
@@ -66,8 +71,9 @@ def found_with(verdict: str, causes: tuple[str, ...], left: list[float], nominal
         best=candidates[0] if candidates else None,
         none=candidate(nominal),
     )
+    trial: Any = SimpleNamespace(significant=significant, is_misfit=False, blamed=())
     fidelity: Any = None
-    return Diagnosis("p", "s", 1, fidelity, (), found=found)
+    return Diagnosis("p", "s", 1, fidelity, (trial,), found=found)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +83,8 @@ def found_with(verdict: str, causes: tuple[str, ...], left: list[float], nominal
         ("partly_explained", (), [0.9], 0.9),
         ("unexplained", (), [1.0, 1.2], None),
         ("explained", ("servo_lag",), [1.1, 0.5], 1.1),
-        ("no_gap", (), [0.5], None),
+        ("no_gap", (), [1.2, 0.5], 0.5),
+        ("no_gap", (), [1.2], None),
         ("unexplained", (), [], None),
     ],
 )
@@ -86,3 +93,7 @@ def test_a_robot_is_corrected_wherever_held_out_data_are_predicted_better(
 ) -> None:
     chosen = found_with(verdict, causes, left, nominal=1.0).correction
     assert (None if chosen is None else chosen.rms_left) == (corrected and pytest.approx(corrected))
+
+
+def test_nothing_is_corrected_where_the_gap_is_within_its_floor() -> None:
+    assert found_with("no_gap", (), [0.5], nominal=1.0, significant=False).correction is None

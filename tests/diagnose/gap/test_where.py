@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,6 +55,15 @@ def test_a_gap_is_found_where_it_was_planted(
     assert heaviest(diagnosis) == component
     assert sum(row.share for row in diagnosis.where) == pytest.approx(1.0)
     assert any(component in sentence for sentence in explanation(diagnosis))
+
+
+def test_a_gap_that_small_errors_may_make_is_not_called_none(diagnosed: Diagnosed) -> None:
+    nothing = {"candidates": (), "causes": (), "gap": None, "gap_angles": None}
+    found: Any = SimpleNamespace(verdict="no_gap", **nothing)
+    diagnosis = replace(diagnosed({"servo_travel": {"gain": 0.88}}), found=found)
+    assert diagnosis.verdict == "no_gap"
+    assert answer(diagnosis).startswith("No effect stands out from the small errors that every robot has.")
+    assert answer(replace(diagnosed(), found=found)).startswith("No significant gap")
 
 
 def test_the_marker_alone_tells_a_travel_error(diagnosed: Diagnosed) -> None:
