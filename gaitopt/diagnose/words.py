@@ -241,7 +241,7 @@ def speed_text(speed: Expected) -> str:
 
 def explanation(diagnosis: Diagnosis) -> list[str]:
     """Return what is known of each trial, and what the defects of its recording are."""
-    sentences = _ranking(diagnosis) + expectation(diagnosis)
+    sentences = _ranking(diagnosis) + _odd_trials(diagnosis) + expectation(diagnosis)
     for trial in diagnosis.trials:
         sentences.append(_of_log(trial) if trial.has_log else _trial(trial))
         sentences += [f"{trial.name}: {defect.name}: {defect.message}." for defect in trial.defects]
@@ -249,6 +249,16 @@ def explanation(diagnosis: Diagnosis) -> list[str]:
             if part.rms > trial.floors[name].total:
                 sentences.append(f"{trial.name}, {name}: {_components(part)}.")
     return sentences
+
+
+def _odd_trials(diagnosis: Diagnosis) -> list[str]:
+    """Return which trials the first explanation does not fit, though it fits the others."""
+    odd = diagnosis.found.misfit_trials if diagnosis.found else {}
+    return [
+        f"Trial {name} does not fit the others: {times:.1f} times as much is left of it as of the median "
+        "trial. Something else happened there, such as a slip or a lost command."
+        for name, times in odd.items()
+    ]
 
 
 def _trial(trial: TrialGap) -> str:

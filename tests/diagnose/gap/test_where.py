@@ -58,11 +58,12 @@ def test_a_gap_is_found_where_it_was_planted(
 
 
 def test_a_gap_that_small_errors_may_make_is_not_called_none(diagnosed: Diagnosed) -> None:
-    nothing = {"candidates": (), "causes": (), "gap": None, "gap_angles": None}
-    found: Any = SimpleNamespace(verdict="no_gap", **nothing)
+    nothing = {"candidates": (), "causes": (), "best": None, "gap": None, "gap_angles": None}
+    found: Any = SimpleNamespace(verdict="no_gap", misfit_trials={"walk": 8.92}, **nothing)
     diagnosis = replace(diagnosed({"servo_travel": {"gain": 0.88}}), found=found)
     assert diagnosis.verdict == "no_gap"
     assert answer(diagnosis).startswith("No effect stands out from the small errors that every robot has.")
+    assert explanation(diagnosis)[0].startswith("Trial walk does not fit the others: 8.9 times as much is")
     assert answer(replace(diagnosed(), found=found)).startswith("No significant gap")
 
 
