@@ -163,8 +163,8 @@ class Diagnosis:
 
     @property
     def within_floor(self) -> bool:
-        """Whether there is no gap, not even one as small errors of the robot may make it."""
-        return self.verdict == "no_gap" and not self.significant
+        """Whether the robot has no gap, not even one as its small errors may make it."""
+        return (self.found is None or self.found.verdict == "no_gap") and not self.significant
 
     @property
     def verdict(self) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from gaitopt.diagnose.gap.align import Aligned, unlike
-from gaitopt.diagnose.gap.floor import Floor, Floors, floors_off, marker_floor
+from gaitopt.diagnose.gap.floor import Floor, Floors, above_floor, floors_off, marker_floor
 from gaitopt.diagnose.gap.leftover import TopSpeeds
 from gaitopt.diagnose.gap.misfits import MISFITS
 from gaitopt.diagnose.gap.mismatches import mismatches
@@ -118,7 +118,7 @@ class TrialGap:
     @property
     def counts(self) -> bool:
         """Whether the trial can show a cause: a gap, cleaned or as recorded, above the floor."""
-        return max(self.ratios.values()) > 1.0 or bool(self.blamed)
+        return above_floor(self.aligned, self.floors) or bool(self.blamed)
 
     @property
     def significant(self) -> bool:

@@ -41,9 +41,9 @@ def answer(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
     gap = shown_gap(diagnosis)
     figures = f"{gap.amount(gap.gap.before)} RMS of {gap.of}, floor {gap.amount(gap.gap.floor)}"
-    if diagnosis.within_floor:
-        return f"No significant gap: {figures}{_angles_too(diagnosis)}."
     if diagnosis.verdict == "no_gap":
+        if diagnosis.within_floor:
+            return f"No significant gap: {figures}{_angles_too(diagnosis)}."
         text = f"No effect stands out from the small errors that every robot has. The gap: {figures}."
         return f"{text} {how_far(diagnosis)}".strip()
     if diagnosis.verdict == "explained" and not (diagnosis.found and diagnosis.found.causes):

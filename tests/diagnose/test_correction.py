@@ -1,6 +1,7 @@
 """The corrected and the nominal robot, compared on the same gaits."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -96,4 +97,15 @@ def test_a_robot_is_corrected_wherever_held_out_data_are_predicted_better(
 
 
 def test_nothing_is_corrected_where_the_gap_is_within_its_floor() -> None:
-    assert found_with("no_gap", (), [0.5], nominal=1.0, significant=False).correction is None
+    diagnosis = found_with("no_gap", (), [0.5], nominal=1.0, significant=False)
+    assert diagnosis.within_floor
+    assert diagnosis.correction is None
+
+
+def test_a_defect_of_a_record_corrects_no_robot_whose_gap_is_within_its_floor() -> None:
+    diagnosis = found_with("no_gap", (), [0.5], nominal=1.0, significant=False)
+    defect = SimpleNamespace(name="clock_rounding")
+    trial: Any = SimpleNamespace(significant=False, is_misfit=False, blamed=(defect,))
+    rounded = replace(diagnosis, trials=(trial,))
+    assert rounded.verdict == "explained"
+    assert rounded.correction is None

@@ -22,7 +22,6 @@ def diagnosed(verdict: str, found: SimpleNamespace, gap: Gap, correction: Any, c
     """A diagnosis of a marker, with its gap after the best candidate and after the correction."""
     return SimpleNamespace(
         verdict=verdict,
-        within_floor=False,
         found=found,
         gap=gap,
         gap_angles=None,

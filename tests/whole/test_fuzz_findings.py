@@ -287,8 +287,7 @@ def test_a_diagnosis_with_a_gap_of_no_part_has_an_answer(candidates: list[str]) 
     gap = Gap(before=0.004, after=0.004, floor=0.001, ci90=(0.0, 0.0))
     found = SimpleNamespace(candidates=candidates, best=None, causes=[])
     parts = {"gap": gap, "verdict": "unexplained", "found": found, "where": [], "causes": []}
-    parts |= {"measures_positions": True, "gap_angles": None, "correction": None, "within_floor": False}
-    said = answer(SimpleNamespace(**parts))  # type: ignore[arg-type]
+    said = answer(SimpleNamespace(**parts, measures_positions=True, gap_angles=None, correction=None))  # type: ignore[arg-type]
     assert "4 mm RMS of the marker" in said
 
 

@@ -97,6 +97,11 @@ def floors_off(aligned: Aligned, floors: Floors) -> dict[str, float]:
     return {name: gap / floor if floor > 0.0 else math.inf for name, (gap, floor) in pairs.items()}
 
 
+def above_floor(aligned: Aligned, floors: Floors) -> bool:
+    """Whether the gap of the marker or of any angle is above its floor."""
+    return max(floors_off(aligned, floors).values()) > 1.0
+
+
 def measure_floors(
     simulator: Simulator,
     trials: Sequence[Aligned],

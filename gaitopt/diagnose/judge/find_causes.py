@@ -15,7 +15,7 @@ from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.diagnose.fit.schedule import complete, finish, fit_all, fit_leading
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.diagnose.gap.align import Aligned
-from gaitopt.diagnose.gap.floor import Floors, floors_off
+from gaitopt.diagnose.gap.floor import Floors, above_floor
 from gaitopt.diagnose.gap.predict import predict_each
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.chance import fitted_chance
@@ -65,8 +65,7 @@ class NominalGap:
     def above_floor(self) -> NDArray[np.bool_]:
         """Whether a gap of each trial is above its floor, so that the trial can show a cause; shape
         (trials,)."""
-        pairs = zip(self.trials, self.floors, strict=True)
-        return np.array([max(floors_off(aligned, floors).values()) > 1.0 for aligned, floors in pairs])
+        return np.array([above_floor(*pair) for pair in zip(self.trials, self.floors, strict=True)])
 
 
 @dataclass(frozen=True)
