@@ -41,14 +41,23 @@ def start_cluster(folder: Path, nanny: bool = True, workers: int = 2) -> tuple[s
         running = [subprocess.Popen(c, cwd=folder, stdout=log, stderr=log, env=environment) for c in commands]
     try:
         until = time.monotonic() + 30.0
-        while not file.exists():
+        while (address := address_in(file)) is None:
             assert time.monotonic() < until, (folder / "log").read_text()
             time.sleep(0.05)
     except BaseException:
         for process in running:
             process.kill()
+            process.wait()
         raise
-    return json.loads(file.read_text())["address"].removeprefix("tcp://"), running
+    return address, running
+
+
+def address_in(file: Path) -> str | None:
+    """The address in a scheduler's file; none before it is there and whole: dask writes it in place."""
+    try:
+        return json.loads(file.read_text())["address"].removeprefix("tcp://")
+    except (FileNotFoundError, json.JSONDecodeError):
+        return None
 
 
 @contextmanager
