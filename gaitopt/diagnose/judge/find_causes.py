@@ -233,8 +233,10 @@ def _concluded_sets(
     first = judgement.first if any_effect else judgement.none
     robots = perturbed_about(judgement.trial_set, first, context)
     doubtful = judged.doubtful(robots.changes) if any_effect else ()
-    verdict = conclude_sets(judgement, judged, len(hypotheses), doubtful)
     meter = judgement.meter(context.seed)
+    gaps = _gaps(judgement, gap, meter) if any_effect else (None, None)
+    closes = gap.has_logs and gaps[1] is not None and gaps[1].after <= gaps[1].floor < gaps[1].before
+    verdict = conclude_sets(judgement, judged, len(hypotheses), doubtful, closes)
     if any_effect and not gap.has_logs and not predicts(judgement, judged, meter, gap.floors):
         verdict = verdict.without_causes()
     uneven, chance, limit = 0.0, None, context.settings.verdict.uneven  # logged commands have no cycles
@@ -248,7 +250,6 @@ def _concluded_sets(
     left = uneven if chance is None else chance.left_of(uneven)
     if left > limit:
         verdict = verdict.beside_chance(other_probability(left / limit, context.settings.verdict))
-    gaps = _gaps(judgement, gap, meter) if any_effect else (None, None)
     return Causes(judgement, verdict, gaps[0], robots.changes, uneven, context.seed, gaps[1], chance)
 
 

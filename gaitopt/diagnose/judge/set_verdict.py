@@ -20,18 +20,23 @@ Array = NDArray[np.float64]
 
 
 def conclude_sets(
-    judgement: Judgement, sets: JudgedSets, n_hypotheses: int, doubtful: Collection[str] = ()
+    judgement: Judgement,
+    sets: JudgedSets,
+    n_hypotheses: int,
+    doubtful: Collection[str] = (),
+    closes_gap: bool = False,
 ) -> Verdict:
     """Return the answer that sets of effects allow.
 
     What other evidence shows explains a part, however little the fit gains by it: that of effects of chance
-    lies in how repeats differ.
+    lies in how repeats differ. A gap of angles that only small changes close is explained by these.
 
     Args:
         judgement: the trials and the sets.
         sets: the sets.
         n_hypotheses: number of effects tried, each on each of its targets.
         doubtful: effects that may be at work and are no causes, see `JudgedSets.doubtful`.
+        closes_gap: whether the first set takes a gap of logged commands from above its floor to within it.
     """
     settings = judgement.settings.verdict
     if not sets.candidates or sets.none >= sets.scores[0]:
@@ -41,7 +46,9 @@ def conclude_sets(
         return Verdict(kind, other_probability=other)
     first = judgement.first
     chance_alone = min(1.0, n_hypotheses * math.exp(min(0.0, sets.none - float(sets.scores[0]))))
-    causes, rest = _named(judgement, sets, doubtful)
+    causes, rest = _named(judgement, sets, doubtful, settings.matters)
+    if closes_gap and not causes + rest:
+        causes, rest = _named(judgement, sets, doubtful, settings.hinted**2 * settings.matters)
     hints = tuple(name for name in _hinted(judgement, sets) if name not in causes + rest)
     if causes or rest or chance_alone <= settings.certain:
         rest += hints
@@ -68,15 +75,15 @@ def conclude_sets(
 
 
 def _named(
-    judgement: Judgement, sets: JudgedSets, doubtful: Collection[str]
+    judgement: Judgement, sets: JudgedSets, doubtful: Collection[str], least: float
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the effects that are at work, and those that may be."""
+    """Return the effects that are at work and change at least so much, and those that may be."""
     settings = judgement.settings.verdict
-    chances = at_work(judgement, sets, settings.matters)
+    chances = at_work(judgement, sets, least)
     likely = tuple(name for name, chance in chances.items() if chance > settings.at_work)
     rest = [name for name in likely if name in doubtful]
     rest += [n for n, chance in chances.items() if settings.possible <= chance <= settings.at_work]
-    rest += stand_ins(judgement, sets, likely)
+    rest += stand_ins(judgement, sets, likely, least)
     return tuple(name for name in likely if name not in doubtful), tuple(dict.fromkeys(rest))
 
 
@@ -108,10 +115,18 @@ def at_work(judgement: Judgement, sets: JudgedSets, least: float) -> Mapping[str
     return dict(sorted(totals.items(), key=lambda item: -item[1]))
 
 
-def stand_ins(judgement: Judgement, sets: JudgedSets, causes: Collection[str]) -> tuple[str, ...]:
+def stand_ins(
+    judgement: Judgement, sets: JudgedSets, causes: Collection[str], least: float
+) -> tuple[str, ...]:
     """Return effects that do to the data what a cause does, and are no causes because they are unusual.
 
     Their probability is that over the sets without one of the causes, all effects being as usual.
+
+    Args:
+        judgement: the trials and the sets.
+        sets: the sets.
+        causes: the effects that are at work.
+        least: how much an effect that matters changes at least.
     """
     settings = judgement.settings.verdict
     totals: dict[str, float] = {}
@@ -119,7 +134,7 @@ def stand_ins(judgement: Judgement, sets: JudgedSets, causes: Collection[str]) -
     for candidate, changes, chance in zip(sets.candidates, sets.changes, chances, strict=True):
         if not set(causes) <= set(candidate.names):
             for one in candidate.hypotheses:
-                if one.effect.unusual and changes[one.name] >= settings.matters:
+                if one.effect.unusual and changes[one.name] >= least:
                     totals[one.effect.name] = totals.get(one.effect.name, 0.0) + chance
     return tuple(n for n, chance in totals.items() if chance >= settings.possible and n not in causes)
 

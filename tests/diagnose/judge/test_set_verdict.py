@@ -60,17 +60,17 @@ def test_an_effect_that_other_evidence_shows_is_a_cause_whatever_it_changes() ->
 
 def test_an_unusual_effect_that_does_the_same_as_a_cause_cannot_be_told_from_it() -> None:
     judgement, sets = judged((0.93, {"damping": 40.0}), (0.04, {"emf": 40.0}), (0.03, {"friction": 40.0}))
-    assert stand_ins(judgement, sets, ["damping"]) == ("emf",)
+    assert stand_ins(judgement, sets, ["damping"], 2.0) == ("emf",)
 
 
 def test_an_unusual_effect_that_fits_worse_is_ruled_out() -> None:
     judgement, sets = judged((0.998, {"damping": 40.0}), (0.002, {"emf": 40.0}))
-    assert stand_ins(judgement, sets, ["damping"]) == ()
+    assert stand_ins(judgement, sets, ["damping"], 2.0) == ()
 
 
 def test_an_unusual_effect_beside_all_causes_does_not_stand_for_one() -> None:
     judgement, sets = judged((0.9, {"damping": 40.0}), (0.1, {"damping": 30.0, "emf": 5.0}))
-    assert stand_ins(judgement, sets, ["damping"]) == ()
+    assert stand_ins(judgement, sets, ["damping"], 2.0) == ()
 
 
 def with_trials(left: list[float], before: list[float], moved: float = 5.0) -> tuple[Any, Any]:
@@ -109,6 +109,18 @@ def test_a_certain_effect_that_does_little_may_be_at_work(
     )
     assert (found.causes, found.ambiguous_with) == (("trim",), also)
     assert found.kind == ("ambiguous" if also else "explained")
+
+
+@pytest.mark.parametrize(
+    ("closes", "moved", "kind"), [(True, 0.6, "explained"), (False, 0.6, "no_gap"), (True, 0.4, "no_gap")]
+)
+def test_a_gap_of_angles_that_a_small_change_closes_is_explained_by_it(
+    closes: bool, moved: float, kind: str
+) -> None:
+    judgement, sets = with_trials([0.5, 0.4, 0.3], [0.9, 0.8, 1.2], moved)
+    judgement.tolerant, judgement.fits = False, ()
+    found = conclude_sets(judgement, sets, 10, closes_gap=closes)
+    assert (found.kind, found.causes) == (kind, () if kind == "no_gap" else ("trim",))
 
 
 def test_effects_that_predict_worse_are_blamed_no_more_and_something_else_is_likely() -> None:
