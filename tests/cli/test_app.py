@@ -91,6 +91,7 @@ def test_no_search_begins_by_accident(gaitopt: Run, command: str) -> None:
     assert list(Path().iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_run_is_a_problem_of_another_search(gaitopt: Run, finished: Path) -> None:
     """The search says which command goes on with the run itself."""
     before = sorted(finished.rglob("*"))

@@ -153,6 +153,7 @@ def test_a_folder_that_holds_something_is_refused_at_once(
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.slow
 def test_another_robot(strider: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     simulator = Simulator.build(strider, (Scenario(start_pose_rad=0.002, pose_seed=3),))
     trajectory = simulator.run(strider.baselines["stride"], duration=4.0)

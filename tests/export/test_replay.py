@@ -40,6 +40,7 @@ def test_the_stages_add_one_thing_at_a_time(wired: Problem) -> None:
     assert np.abs(rows["player"] - rows["latency"]).max() <= 2.0 * half_steps_deg
 
 
+@pytest.mark.slow
 def test_a_few_samples_lose_speed_and_interpolation_is_named(quick: Problem, serial: Executor) -> None:
     """With four samples a square wave becomes a triangle."""
     handover = prepare(quick, quick.baselines["square-1s"], Choices("c", samples=4), serial)
@@ -57,6 +58,7 @@ def test_a_few_samples_lose_speed_and_interpolation_is_named(quick: Problem, ser
     assert sum(handover.replay.causes.values()) == pytest.approx(handover.replay.loss)
 
 
+@pytest.mark.slow
 def test_a_slow_slew_clamp_is_named_as_the_cause(quick: Problem, serial: Executor) -> None:
     handover = prepare(quick, quick.baselines["square-1s"], Choices("c", slew="60"), serial)
     assert handover.table.slew_us == (13, 13, 13)

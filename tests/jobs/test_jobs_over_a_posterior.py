@@ -160,6 +160,7 @@ def test_a_run_without_a_posterior_says_nothing_of_robots(strider: Problem) -> N
         assert not Path("run/posterior.csv").exists()
 
 
+@pytest.mark.slow
 def test_the_posterior_is_not_chosen_again_on_resuming(strider: Problem) -> None:
     optimise(strider, budget=1, warm_start=False, out="run")
     with pytest.raises(GaitoptError, match=r"--posterior: not with --resume, which takes it from run"):

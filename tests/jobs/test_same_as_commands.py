@@ -68,6 +68,7 @@ def test_optimise_leaves_the_same_files(strider: Problem, capsys: pytest.Capture
     assert {path.name for path in Path().iterdir()} == {"a", "b"}
 
 
+@pytest.mark.slow
 def test_compare_leaves_the_same_files(strider: Problem, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["compare", str(STRIDER), "stride", "square", "--out", "a", "--json"]) == 0
     gaitopt.compare(strider, ["stride", "square"], out="b")

@@ -52,6 +52,7 @@ def test_a_search_that_is_never_freed_obeys_the_ties_to_its_end(tmp_path: Path) 
         assert all(obeys(entry.gait) for entry in found.entries)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_tied_search_whatever_the_workers(tmp_path: Path) -> None:
     problem = tied_strider(tmp_path / "bot")
     one = run(problem, tmp_path / "one.csv", Request(seed=3, budget=30), workers=1)

@@ -123,6 +123,7 @@ def test_a_robot_with_priority_is_left_as_it_is(arcfold: Problem) -> None:
     assert set(np.unique(model.geom_priority).tolist()) == {0, 1}
 
 
+@pytest.mark.slow
 def test_check_tries_both_directions(tmp_path: Path) -> None:
     with ThreadPoolExecutor(1) as pool:
         acting = check(sled(tmp_path, mu=0.3), pool)

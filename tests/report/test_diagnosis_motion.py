@@ -24,6 +24,7 @@ def small_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(settings, "DEFAULT", settings.ReportSettings(dpi=40))
 
 
+@pytest.mark.slow
 def test_the_nominal_and_the_corrected_robot_walk_beside_the_measured_marker(tmp_path: Path) -> None:
     problem, late = load_problem(STRIDER), {"command_latency": {"delay_s": 0.03}}
     signals = ("marker.x", "marker.y", "marker.z")

@@ -62,6 +62,7 @@ def correction(arm: Problem, diagnosis: Diagnosis) -> Correction:
 FIGURES = {"logs", "components-of-logs", "log", "log-2", "log-3", "log-4"}
 
 
+@pytest.mark.slow
 def test_the_page_of_a_bench_has_one_figure_a_log(arm: Problem, diagnosis: Diagnosis, tmp_path: Path) -> None:
     write_diagnosis(tmp_path, arm, diagnosis)
     page = page_of(tmp_path, FIGURES)

@@ -94,6 +94,7 @@ def test_a_robot_that_lies_at_its_start_does_not_stand(tmp_path: Path) -> None:
     assert "tilted by" in findings[0].message
 
 
+@pytest.mark.slow
 def test_a_gait_that_throws_the_robot_over_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

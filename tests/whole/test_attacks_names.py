@@ -221,6 +221,7 @@ def test_a_diagnosis_of_hostile_names_ends_with_its_page(
     }
 
 
+@pytest.mark.slow
 def test_the_names_of_gait_files_are_escaped(
     strider: Problem, tmp_path: Path, capfd: pytest.CaptureFixture[str], small: None
 ) -> None:
@@ -375,6 +376,7 @@ def test_a_page_shows_names_alone(name: str) -> None:
     assert re.findall(r'<a href="#([^"]*)"', html) == ids
 
 
+@pytest.mark.slow
 def test_a_baseline_called_best_is_drawn_beside_the_winner(
     hostile: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: None
 ) -> None:

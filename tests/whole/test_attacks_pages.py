@@ -126,6 +126,7 @@ def test_a_page_is_not_written_again_from_another_journal(
     assert (out / "summary.json").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_finished_run_of_another_version_is_read_without_its_page(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

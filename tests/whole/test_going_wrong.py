@@ -141,6 +141,7 @@ def test_a_check_says_of_what_diverges_that_alone(tmp_path: Path, capsys: pytest
     assert findings(capsys, tmp_path / "robot") == [held, *gaits]
 
 
+@pytest.mark.slow
 def test_a_check_says_from_how_many_starts_a_gait_fails(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
