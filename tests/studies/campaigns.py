@@ -176,8 +176,8 @@ def case(
     gaits = {f"campaign, {n} films": recommended[min(n, len(recommended)) - 1] for n in SHOWN}
     gaits |= {"the nominal winner": campaign._folder.gaits[1]}
     gaits |= {name: max(tried, key=lambda one: one.speed_m_s).gait for name, tried in methods.items()}
-    true = {name: robot.truly(gait) for name, gait in gaits.items()}
-    best = searched_truly(robot, list(gaits.values()), options.truth, index)
+    true = dict(zip(gaits, pool.map(robot.truly, gaits.values()), strict=True))
+    best = searched_truly(robot, list(gaits.values()), options.truth, index, pool)
     fastest = max([best, *(speed for speed, met in true.values() if met)])
     return {
         "case": index,
@@ -243,15 +243,16 @@ def tried_by_the_nominal_search(run: Path, problem: Problem) -> list[Tried]:
     return [Tried(one.gait, one.evaluation.metrics[SPEED.name]) for one in kept]
 
 
-def searched_truly(robot: SealedRobot, starts: Sequence[Gait], budget: int, seed: int) -> float:
+def searched_truly(
+    robot: SealedRobot, starts: Sequence[Gait], budget: int, seed: int, pool: Executor
+) -> float:
     """Return the true speed of the best gait without a violated limit that a search on the robot finds."""
     space, best = robot.problem.space, 0.0
 
     def costs(points: np.ndarray) -> np.ndarray:
         nonlocal best
         found = []
-        for point in points:
-            speed, met = robot.truly(space.decode(point))
+        for speed, met in pool.map(robot.truly, [space.decode(point) for point in points]):
             best = max(best, speed) if met else best
             found.append(-speed if met else 0.0)
         return np.array(found)
@@ -327,7 +328,7 @@ def main() -> None:
     problem = carrying(load_problem(options.problem))
     path = options.out / "cases.jsonl"
     rows = read_kept(path, options.seed)
-    with opened("threads", options.workers) as pool:
+    with opened("processes", options.workers) as pool:
         shared = Campaign.new(
             problem, options.work / "nominal", budget=options.budget, seed=options.seed, executor=pool
         )
