@@ -173,7 +173,7 @@ def case(
         "Bayesian optimisation, 25 films": bayesian_optimisation(problem.space, starts, filmed, 25, index),
         "intelligent trial and error, 5 films": trial_and_error(problem.space, searched, filmed, 5),
     }
-    gaits = {f"campaign, {n} films": recommended[min(n, len(recommended)) - 1] for n in SHOWN}
+    gaits = {f"campaign, {n} film{'s' * (n > 1)}": recommended[min(n, len(recommended)) - 1] for n in SHOWN}
     gaits |= {"the nominal winner": campaign._folder.gaits[1]}
     gaits |= {name: max(tried, key=lambda one: one.speed_m_s).gait for name, tried in methods.items()}
     true = dict(zip(gaits, pool.map(robot.truly, gaits.values()), strict=True))
