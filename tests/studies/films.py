@@ -9,7 +9,7 @@ of the frames with a value, and how many values are ten times as far off as was 
 error of its time stamps, the focal length, the readout, its bit rate, and how many tags were kept that are
 not where they were found. Rows that are there already are kept.
 
-Cost: 15 min of one core.
+Cost: 17 min of one core.
 """
 
 from __future__ import annotations

@@ -234,8 +234,8 @@ def _concluded_sets(
     robots = perturbed_about(judgement.trial_set, first, context)
     doubtful = judged.doubtful(robots.changes) if any_effect else ()
     meter = judgement.meter(context.seed)
-    gaps = _gaps(judgement, gap, meter) if any_effect else (None, None)
-    closes = gap.has_logs and gaps[1] is not None and gaps[1].after <= gaps[1].floor < gaps[1].before
+    marker, angles = _gaps(judgement, gap, meter) if any_effect else (None, None)
+    closes = gap.has_logs and angles is not None and angles.closed
     verdict = conclude_sets(judgement, judged, len(hypotheses), doubtful, closes)
     if any_effect and not gap.has_logs and not predicts(judgement, judged, meter, gap.floors):
         verdict = verdict.without_causes()
@@ -250,7 +250,7 @@ def _concluded_sets(
     left = uneven if chance is None else chance.left_of(uneven)
     if left > limit:
         verdict = verdict.beside_chance(other_probability(left / limit, context.settings.verdict))
-    return Causes(judgement, verdict, gaps[0], robots.changes, uneven, context.seed, gaps[1], chance)
+    return Causes(judgement, verdict, marker, robots.changes, uneven, context.seed, angles, chance)
 
 
 def _gaps(judgement: Judgement, gap: NominalGap, meter: GapMeter) -> tuple[Gap, Gap | None]:

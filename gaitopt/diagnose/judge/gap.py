@@ -40,6 +40,11 @@ class Gap:
         """Share of the gap above the floor that is removed; None if nothing is above it."""
         return shrinkage(self.before, self.after, self.floor)
 
+    @property
+    def closed(self) -> bool:
+        """Whether the effects take the gap from above its floor to within it."""
+        return self.after <= self.floor < self.before
+
     def to_dict(self) -> dict[str, object]:
         """Return ``gap`` of ``diagnosis.json``."""
         return self._figures("m")

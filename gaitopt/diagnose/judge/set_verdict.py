@@ -48,7 +48,7 @@ def conclude_sets(
     chance_alone = min(1.0, n_hypotheses * math.exp(min(0.0, sets.none - float(sets.scores[0]))))
     causes, rest = _named(judgement, sets, doubtful, settings.matters)
     if closes_gap and not causes + rest:
-        causes, rest = _named(judgement, sets, doubtful, settings.hinted**2 * settings.matters)
+        causes, rest = _named(judgement, sets, doubtful, _least_hinted(judgement))
     hints = tuple(name for name in _hinted(judgement, sets) if name not in causes + rest)
     if causes or rest or chance_alone <= settings.certain:
         rest += hints
@@ -92,10 +92,15 @@ def _hinted(judgement: Judgement, sets: JudgedSets) -> list[str]:
 
     Single effects were fitted only to gaits.
     """
+    chances = at_work(judgement, sets, _least_hinted(judgement)) if judgement.fits else {}
+    return [name for name, chance in chances.items() if chance > judgement.settings.verdict.at_work]
+
+
+def _least_hinted(judgement: Judgement) -> float:
+    """Return how much an effect changes at least that may be a cause though it changes less than matters."""
     settings = judgement.settings.verdict
     share = settings.hinted if judgement.tolerant else settings.hinted**2  # of floors, or of squares
-    chances = at_work(judgement, sets, share * settings.matters) if judgement.fits else {}
-    return [name for name, chance in chances.items() if chance > settings.at_work]
+    return share * settings.matters
 
 
 def at_work(judgement: Judgement, sets: JudgedSets, least: float) -> Mapping[str, float]:

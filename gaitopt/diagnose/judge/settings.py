@@ -153,7 +153,8 @@ class VerdictSettings:
             the trial that it changes most: it makes a small error smaller. In gaits of a robot that is a
             little wrong in everything, the change is counted in floors.
         hinted: an effect that is as probable as a cause may be one if it moves gaits at least this many times
-            as far as `matters` says; squares count by the square of this.
+            as far as `matters` says; squares count by the square of this. So may one of logged commands
+            where no effect matters, but they close a gap above its floor.
         certain: p-value below which a gap is real even if each effect changes less than `matters`: a
             covariance that is a little too narrow does not explain it.
         at_work: an effect of sets is a cause if it is at least this probable,
