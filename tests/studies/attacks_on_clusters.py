@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import random
 import subprocess
 import time
@@ -22,6 +21,7 @@ from attacked import (
     attack,
     peer,
 )
+from cluster import address_in
 
 _SETTLED_S = 1.0
 """What the worker had finished is in the journal this long after its death, s."""
@@ -65,9 +65,10 @@ def cluster(on: Ground) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     ]
     try:
         until = time.monotonic() + 60.0
-        while not file.exists() and time.monotonic() < until:
+        while (address := address_in(file)) is None:
+            assert time.monotonic() < until, f"{file}: no scheduler began"
             time.sleep(0.1)
-        yield json.loads(file.read_text())["address"].replace("tcp://", "dask://"), running[1]
+        yield f"dask://{address}", running[1]
     finally:
         for process in running:
             process.kill()
