@@ -37,8 +37,9 @@ def merit(problem: Problem, outcomes: Sequence[Outcome], margin: float, error: f
     costs = [_cost(objective, one.metrics, limit.max, error) for one in outcomes]
     worse = objective.worse_share
     cost = float(np.mean(costs)) if worse is None else exceeded(costs, worse)
-    others = sum(size for name, size in judged.violations.items() if name != SIDEWAYS_RATIO)
-    return replace(judged, cost=finite(cost + objective.penalty * others))
+    violations = judged.violations | {SIDEWAYS_RATIO: 0.0}  # what breaks it counts by its chance
+    cost += objective.penalty * sum(violations.values())
+    return replace(judged, cost=finite(cost), violations=violations)
 
 
 def _cost(objective: Objective, row: Metrics, limit: float, error: float) -> float:

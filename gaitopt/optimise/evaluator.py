@@ -105,6 +105,11 @@ Judge = Callable[[Problem, Sequence[Outcome], float], Evaluation]
 """From the outcomes of one gait to its evaluation, every limit tightened by a share."""
 
 
+def cost_of(evaluation: Evaluation) -> float:
+    """Return the cost of a gait with its full penalties."""
+    return evaluation.cost
+
+
 @dataclass(frozen=True)
 class Evaluator:
     """Judges gaits with one setup, on an executor.
@@ -147,18 +152,22 @@ class Evaluator:
     def _judged(self, row: Sequence[Outcome]) -> Evaluation:
         return self.judge(self.setup.problem, row, self.margin)
 
-    def race(self, gaits: Sequence[Gait]) -> list[Evaluated]:
+    def race(self, gaits: Sequence[Gait], aim: Callable[[Evaluation], float] = cost_of) -> list[Evaluated]:
         """Return evaluation and outcomes of each gait; the worst in the first scenario are dropped after it.
 
         `raced_on` of the gaits are simulated in every scenario. Each other one costs at least as much as the
         worst of these, and its status says that it was dropped.
+
+        Args:
+            gaits: the gaits.
+            aim: what ranks them in the first scenario, the lowest first.
         """
         count = len(self.setup.scenarios)
         if count == 1:
             return self(gaits)
         first = self.outcomes(gaits, [0])
         alone = [self._judged(row) for row in first]
-        ranked = sorted(range(len(gaits)), key=lambda i: (alone[i].cost, i))
+        ranked = sorted(range(len(gaits)), key=lambda i: (aim(alone[i]), i))
         kept = sorted(ranked[: math.ceil(self.raced_on * len(gaits))])
         rest = self.outcomes([gaits[i] for i in kept], range(1, count))
         rows = {i: first[i] + others for i, others in zip(kept, rest, strict=True)}

@@ -1,8 +1,9 @@
 """The fidelity ladder: judge gaits on a cheaper rung, if it ranks them like the working fidelity.
 
 A search has to rank neighbours of its best gait. How well a rung ranks them depends on the robot and the
-gait. So each search measures it once, on gaits that it has just judged at the working fidelity, and refuses a
-rung that ranks them differently. The gain is in ``results/profile``.
+gait. So each search measures it on gaits that it has just judged at the working fidelity, and refuses a rung
+that ranks them differently. Later gaits are more alike, and other gaits, so a rung in use is measured again.
+The gain is in ``results/profile``.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator, simulated_s
+from gaitopt.optimise.evaluator import Evaluator, cost_of, simulated_s
+from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.setup import RobotSetup
 
 
@@ -28,8 +30,9 @@ class Rung:
         timestep_s: its timestep, s.
         measured_s: shortest time over which it measures, s.
         rank_correlation: Spearman's, of its costs and those of the working fidelity; 0 where all are equal.
-        used: whether the search used it.
+        used: whether the search used it from then on.
         simulated_s: simulated seconds that this took.
+        after: evaluations of the search before it was measured again; 0 for the first time.
     """
 
     name: str
@@ -38,6 +41,7 @@ class Rung:
     rank_correlation: float
     used: bool
     simulated_s: float
+    after: int = 0
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,8 @@ class LadderSettings:
             15 gaits.
         trusted: rank correlation from which a rung is used. Another start pose, which is chance, ranks
             ArcFold's gaits at 0.97 and the strider's at 0.4; see ``results/profile``.
+        every: after so many populations a rung in use is measured again, and left for good where it ranks
+            gaits differently by then.
         factor: how much longer the timestep and how much shorter the horizon is one rung down.
         climbers: best gaits of a lower rung that are evaluated again at the working fidelity.
         steps: the steps down, in the order in which they are tried.
@@ -82,6 +88,7 @@ class LadderSettings:
 
     from_gaits: int = 300
     trusted: float = 0.9
+    every: int = 10
     factor: float = 2.0
     climbers: int = 5
     steps: tuple[Step, ...] = (Step("longer timestep", coarser), Step("shorter horizon", shorter))
@@ -105,6 +112,7 @@ def descend(
     gaits: Sequence[Gait],
     costs: NDArray[np.float64],
     settings: LadderSettings = LadderSettings(),
+    aim: Callable[[Evaluation], float] = cost_of,
 ) -> Descent:
     """Measure cheaper rungs, and return the lowest one that ranks gaits like the working fidelity.
 
@@ -115,19 +123,42 @@ def descend(
         gaits: neighbours of the best gait.
         costs: their costs at the working fidelity, in every scenario, shape (n,).
         settings: when a rung may be used.
+        aim: what the costs are of an evaluation.
     """
     rungs = []
     for step in settings.steps:
         candidate = replace(evaluator, setup=step.lower(evaluator.setup, settings.factor))
-        judged = candidate(gaits)
-        correlation = _spearman(costs, np.array([one.evaluation.cost for one in judged]))
-        used = correlation >= settings.trusted
-        setup = candidate.setup
-        measured_s = setup.problem.simulation.horizon.measured_s
-        spent = simulated_s(judged)
-        rungs.append(Rung(step.name, setup.fidelity.timestep_s, measured_s, correlation, used, spent))
-        evaluator = candidate if used else evaluator
+        rungs.append(measured(step.name, candidate, gaits, costs, settings, aim))
+        evaluator = candidate if rungs[-1].used else evaluator
     return Descent(evaluator, rungs)
+
+
+def measured(
+    name: str,
+    candidate: Evaluator,
+    gaits: Sequence[Gait],
+    costs: NDArray[np.float64],
+    settings: LadderSettings,
+    aim: Callable[[Evaluation], float],
+    after: int = 0,
+) -> Rung:
+    """Return how well a cheaper rung ranks gaits.
+
+    Args:
+        name: what is coarser on it.
+        candidate: its evaluator.
+        gaits: the gaits.
+        costs: their costs at the working fidelity, shape (n,).
+        settings: when it may be used.
+        aim: what the costs are of an evaluation.
+        after: evaluations of the search before.
+    """
+    judged = candidate(gaits)
+    correlation = _spearman(costs, np.array([aim(one.evaluation) for one in judged]))
+    step_s = candidate.setup.fidelity.timestep_s
+    measured_s = candidate.setup.problem.simulation.horizon.measured_s
+    used = correlation >= settings.trusted
+    return Rung(name, step_s, measured_s, correlation, used, simulated_s(judged), after)
 
 
 def _spearman(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:

@@ -168,7 +168,7 @@ def optimise(
     baselines = list(problem.baselines.values())
     on_progress(Progress(_HAND_TUNED))
     known = evaluator(baselines)
-    starts = [Start(gait, one.evaluation.cost) for gait, one in zip(baselines, known, strict=True)]
+    starts = [Start(gait, one.evaluation) for gait, one in zip(baselines, known, strict=True)]
     on_progress(Progress(_PLAN))
     warm = planned(problem, request.warm_start, replace(settings.plan, seed=request.seed))
     study.run(method, starts, [elite.gait for elite in warm.elites], request.pareto, laddered=True)

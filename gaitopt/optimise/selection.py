@@ -19,6 +19,7 @@ from gaitopt.optimise.solvers.surrogate import distance
 from gaitopt.optimise.study import Start
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem
+from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.setup import RobotSetup
 
 _UNLIKE = 0.1
@@ -103,7 +104,7 @@ def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int, spa
         raise GaitoptError(f"every one of {len(entries)} gaits failed in simulation: {counted(reasons, 5)}")
     leaders = [Finalist(entry.gait, entry.method) for entry in good[:count]]
     if starts:
-        baseline = min(starts, key=lambda start: start.cost).gait
+        baseline = min(starts, key=lambda start: start.evaluation.cost).gait
         leaders.append(Finalist(baseline, baseline.name))
     others = unlike(good[count:], count, space, good[:count])
     return Finalists(leaders, [Finalist(entry.gait, entry.method) for entry in others])
@@ -123,8 +124,8 @@ def select(
     """Return the best of the finalists on fresh scenarios.
 
     The best gait of the search is partly best by chance on its few scenarios; fresh scenarios correct this.
-    Its leaders are often alike, the last steps to one optimum. Where the best of them breaks a limit, the
-    others are tried, too.
+    Its leaders are often alike, the last steps to one optimum. Where all of them break a limit, the others
+    are tried, too. A gait that keeps every limit wins over one that breaks some, whatever it costs.
     """
     scenarios = scenarios_of(problem, seed, Stream.SELECTION_SCENARIOS)
     setup = RobotSetup.of(problem, scenarios, problem.simulation.working)
@@ -133,9 +134,14 @@ def select(
         count = Count(on_progress, SELECTION, len(group) * len(scenarios), "rollouts")
         judged += Evaluator(setup, executor, margin, on_done=count.one)([one.gait for one in group])
         tried += group
-        best = min(range(len(tried)), key=lambda index: judged[index].evaluation.cost)
+        best = min(range(len(tried)), key=lambda index: _rank(judged[index].evaluation))
         if judged[best].evaluation.constraints_met:
             break
     winner = tried[best]
     gait = Gait(winner.gait.period_s, winner.gait.channels, "best")
     return Selected(gait, winner.found_by, simulated_s(judged))
+
+
+def _rank(evaluation: Evaluation) -> tuple[bool, float]:
+    """Return what the lowest of wins: gaits that keep every limit come before the others."""
+    return not evaluation.constraints_met, evaluation.cost

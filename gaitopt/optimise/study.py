@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +16,18 @@ from gaitopt.core.streams import Stream, generator
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.ties import TiedSpace
 from gaitopt.optimise import pareto
-from gaitopt.optimise.evaluator import Evaluator
+from gaitopt.optimise.evaluator import Evaluator, cost_of
 from gaitopt.optimise.journal import WORKING, Entry, Journal, at_rung, succeeded
-from gaitopt.optimise.ladder import LadderSettings, Rung, descend
+from gaitopt.optimise.ladder import LadderSettings, Rung, descend, measured
+from gaitopt.optimise.penalty import Penalty, PenaltySettings
 from gaitopt.optimise.quasi_random import near_plan, quasi_random
-from gaitopt.optimise.recorder import Recorder
+from gaitopt.optimise.recorder import Judge, Recorder
 from gaitopt.optimise.solvers.cma_es import CmaEs
 from gaitopt.optimise.solvers.solution import Box, Evaluate
-from gaitopt.optimise.solvers.solver import Choose, Minimisation, draws
+from gaitopt.optimise.solvers.solver import Choose, Minimisation, Solver, draws
 from gaitopt.optimise.solvers.surrogate import SurrogateSettings, most_promising
 from gaitopt.optimise.stages import DEFAULT_METHOD, FirstBatch, Method, Stage, with_ties
+from gaitopt.simulation.objective import Evaluation
 
 LOWER = "lower"
 """The rung of gaits judged below the working fidelity; `Study.rungs` says how far below."""
@@ -39,6 +43,7 @@ class StudySettings:
         ladder: when a cheaper rung may judge gaits.
         front: how the front of speed against cost of transport is searched.
         surrogate: how candidates are chosen.
+        penalty: how the penalties of broken limits adapt while populations are ranked.
     """
 
     spread: float = 0.1
@@ -46,22 +51,23 @@ class StudySettings:
     ladder: LadderSettings = field(default_factory=LadderSettings)
     front: pareto.FrontSettings = field(default_factory=pareto.FrontSettings)
     surrogate: SurrogateSettings = field(default_factory=SurrogateSettings)
+    penalty: PenaltySettings = field(default_factory=PenaltySettings)
 
 
 @dataclass(frozen=True)
 class Start:
-    """A gait whose cost is known before the search, such as a baseline."""
+    """A gait that was judged before the search, such as a baseline."""
 
     gait: Gait
-    cost: float
+    evaluation: Evaluation
 
 
 @dataclass(frozen=True)
 class _Known:
-    """A point whose cost is known."""
+    """A point that was judged before the first stage."""
 
     point: NDArray[np.float64]
-    cost: float
+    evaluation: Evaluation
 
 
 class Study:
@@ -91,6 +97,8 @@ class Study:
         self.rungs: list[Rung] = []
         self._settings = settings
         self._lowest = evaluator
+        objective = evaluator.setup.problem.objective
+        self._penalty = Penalty(objective.penalty, objective.constraints, settings.penalty)
         self._space = evaluator.setup.problem.space
         self._tied_spaces = evaluator.setup.problem.tied_spaces
         self._ties: TiedSpace | None = None
@@ -119,7 +127,7 @@ class Study:
 
         Args:
             method: the stages of the search.
-            starts: gaits whose cost is already known, such as the baselines.
+            starts: gaits that were judged before, such as the baselines.
             planned: gaits of a plan, evaluated first; the first batch of the method is near them.
             front: spend `FrontSettings.share` of the budget on speed against cost of transport, after the
                 rest.
@@ -152,10 +160,13 @@ class Study:
         return WORKING if self._lowest is self.evaluator else LOWER
 
     def _start(self, method: Method, starts: Sequence[Start], planned: Sequence[Gait]) -> NDArray[np.float64]:
-        """Evaluate the gaits of the plan or the first batch, and return the best point known then."""
+        """Evaluate the gaits of the plan or the first batch, and return the best point known then.
+
+        CMA-ES begins with small penalties: for it a fast gait that breaks a limit is a good start, too.
+        """
         if self._tied_spaces:
             return self._tied_start(method, starts, planned)
-        known = [_Known(self._space.encode(start.gait), start.cost) for start in starts]
+        known = [_Known(self._space.encode(start.gait), start.evaluation) for start in starts]
         if planned:
             points = np.array([self._space.encode(gait) for gait in planned])[: self._left]
             known += self._known("plan", points)
@@ -165,7 +176,8 @@ class Study:
             known += self._known("quasi-random", quasi_random(self._space, count, self.seed))
         if not known:
             return np.full(len(self._space.variables), 0.5)
-        return min(known, key=lambda one: one.cost).point
+        aim = self._aim(method.stages[0].solver)
+        return min(known, key=lambda one: aim(one.evaluation)).point
 
     def _near_plan(self, first: FirstBatch | None, planned: Sequence[Gait]) -> list[_Known]:
         if first is None or not self._left:
@@ -183,7 +195,7 @@ class Study:
         Returns:
             The best point known within them.
         """
-        given = [*planned, *(start.gait for start in starts)]
+        aim, given = self._aim(method.stages[0].solver), [*planned, *(start.gait for start in starts)]
         batch = (method.first or FirstBatch()).count(self._until) // len(self._tied_spaces)
         bests: list[tuple[float, int, NDArray[np.float64]]] = []
         for index, ties in enumerate(self._tied_spaces):
@@ -191,15 +203,23 @@ class Study:
             drawn = quasi_random(ties, max(1, batch), self.seed, Stream.TIED_FIRST_BATCH, index)
             points = ties.lift(np.array([*map(ties.encode, given), *drawn])[:left])
             if len(points):
-                best = min(self._known(ties.name, points), key=lambda one: one.cost)
-                bests.append((best.cost, index, best.point))
+                cost, best = min(
+                    ((aim(one.evaluation), one.point) for one in self._known(ties.name, points)),
+                    key=lambda one: one[0],
+                )
+                bests.append((cost, index, best))
         _, chosen, point = min(bests, key=lambda one: one[:2])
         self._ties = self._tied_spaces[chosen]
         return point
 
     def _known(self, method: str, points: NDArray[np.float64]) -> list[_Known]:
-        costs = self._evaluate(method, points, self.evaluator).tolist()
-        return [_Known(point, cost) for point, cost in zip(points, costs, strict=True)]
+        self._evaluate(method, points, self.evaluator)
+        entries = self.entries[len(self.entries) - len(points) :]
+        return [_Known(entry.point, entry.evaluation) for entry in entries]
+
+    def _aim(self, solver: Solver) -> Callable[[Evaluation], float]:
+        """Return what a solver minimises; only one that ranks populations can follow penalties that adapt."""
+        return self._penalty.cost if solver.ranks_populations else cost_of
 
     # --- stages -----------------------------------------------------------------------------------
 
@@ -213,7 +233,8 @@ class Study:
         descends = laddered and stage.may_descend and budget >= self._settings.ladder.from_gaits
         costs = self._descending(stage) if descends else self._costs(stage)
         ties = self._ties if stage.tied else None
-        choose = self._chooser(lambda entry: entry.evaluation.cost, ties)
+        aim = self._aim(solver)
+        choose = self._chooser(lambda entry: aim(entry.evaluation), ties)
         rng = generator(self.seed, Stream.FREED_SEARCH) if stage.freed else draws(solver, self.seed)
         box = Box((ties or self._space).circular)
         if ties is not None:
@@ -228,27 +249,47 @@ class Study:
 
         def costs(points: NDArray[np.float64]) -> NDArray[np.float64]:
             if solver.ranks_populations:
-                return self._evaluate(solver.name, points, self._lowest.race, self._rung)
+                race = partial(self._lowest.race, aim=self._penalty.cost)
+                return self._population(solver.name, points, race, self._rung)
             return self._evaluate(solver.name, points, self.evaluator)
 
         return costs
 
+    def _population(
+        self, method: str, points: NDArray[np.float64], judge: Judge, rung: str
+    ) -> NDArray[np.float64]:
+        """Return the costs of a population with the present penalties, and adapt them to it."""
+        self._evaluate(method, points, judge, rung)
+        return self._penalty.costs([entry.evaluation for entry in self.entries[-len(points) :]])
+
     def _descending(self, stage: Stage) -> Evaluate:
         """Return the same for a stage that uses a lower rung after its first population.
 
-        The first population is judged at the working fidelity, and cheaper rungs are measured by it. The
-        solver compares costs within one population only, so costs of two rungs are never compared.
+        The first population is judged at the working fidelity, and cheaper rungs are measured by it. The same
+        holds for later ones while a lower rung is used, as `LadderSettings.every` says. The solver compares
+        costs within one population only, so costs of two rungs are never compared.
         """
-        costs = self._costs(stage)
+        costs, ladder, aim = self._costs(stage), self._settings.ladder, self._penalty.cost
+        populations = itertools.count()
 
         def descending(points: NDArray[np.float64]) -> NDArray[np.float64]:
-            if self.rungs:
+            first = not self.rungs
+            lowered = self._lowest is not self.evaluator
+            if not first and not (lowered and next(populations) % ladder.every == ladder.every - 1):
                 return costs(points)
-            first = self._evaluate(stage.solver.name, points, self.evaluator)
-            gaits = [entry.gait for entry in self.entries[-len(points) :]]
-            descent = descend(self.evaluator, gaits, first, self._settings.ladder)
-            self._lowest, self.rungs = descent.evaluator, descent.rungs
-            return first
+            before = len(self.entries)
+            self._evaluate(stage.solver.name, points, self.evaluator)
+            gaits = [entry.gait for entry in self.entries[before:]]
+            judged = [entry.evaluation for entry in self.entries[before:]]
+            exact = np.array([aim(one) for one in judged])
+            if first:
+                descent = descend(self.evaluator, gaits, exact, ladder, aim)
+                self._lowest, self.rungs = descent.evaluator, descent.rungs
+            else:
+                name = ", ".join(rung.name for rung in self.rungs if rung.used and not rung.after)
+                self.rungs.append(measured(name, self._lowest, gaits, exact, ladder, aim, before))
+                self._lowest = self._lowest if self.rungs[-1].used else self.evaluator
+            return self._penalty.costs(judged)
 
         return descending
 

@@ -316,7 +316,8 @@ def _ladder_text(rungs: Sequence[Rung]) -> str:
         ranks = f"rank correlation {rung.rank_correlation:.3f}"
         lower = f"{figure(rung.timestep_s)} s steps, {figure(rung.measured_s)} s measured"
         fate = "used" if rung.used else f"refused: below {LadderSettings.trusted}"
-        texts.append(f"{rung.name} ({lower}): {ranks}, {fate}")
+        again = f", again after {rung.after} gaits" if rung.after else ""
+        texts.append(f"{rung.name} ({lower}){again}: {ranks}, {fate}")
     return "; ".join(texts) or "none measured; every gait was simulated at the working fidelity"
 
 

@@ -35,9 +35,7 @@ def setting_of(problem: Problem, seed: int) -> RobotSetup:
 def judged(evaluator: Any) -> Starts:
     """Return the baselines with their costs, which a search begins with."""
     baselines = list(evaluator.setup.problem.baselines.values())
-    return [
-        Start(gait, one.evaluation.cost) for gait, one in zip(baselines, evaluator(baselines), strict=True)
-    ]
+    return [Start(gait, one.evaluation) for gait, one in zip(baselines, evaluator(baselines), strict=True)]
 
 
 def search(

@@ -22,7 +22,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from rivals import ROBOTS
 from searches import planned, setting_of
 
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluated, Evaluator, Outcome
+from gaitopt.optimise.evaluator import Evaluated, Evaluator, Outcome, cost_of
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Entry
 from gaitopt.optimise.study import Start
@@ -41,6 +41,7 @@ from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import measure
+from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.rollout import Simulator
 
 SHARES = (0.0, 0.25, 0.5, 0.75)
@@ -103,10 +104,10 @@ class Watching(Evaluator):
     raced: list[list[str]] = field(default_factory=list)
     built: list[Simulator] = field(default_factory=list)
 
-    def race(self, gaits: Sequence[Gait]) -> list[Evaluated]:
+    def race(self, gaits: Sequence[Gait], aim: Callable[[Evaluation], float] = cost_of) -> list[Evaluated]:
         """Return evaluation and outcomes of a population, and keep its gaits."""
         self.raced.append([gait.name for gait in gaits])
-        return super().race(gaits)
+        return super().race(gaits, aim)
 
     def outcomes(self, gaits: Sequence[Gait], scenarios: Sequence[int] | None = None) -> list[list[Outcome]]:
         """Return the outcome of each gait in each scenario, and keep the features of the rollouts."""
@@ -127,9 +128,7 @@ def search(problem: Problem, seed: int, budget: int, warm: bool) -> tuple[list[E
     """Return a search's entries, the features of its rollouts, and the best speed of the baselines."""
     evaluator = Watching(setting_of(problem, seed), SerialExecutor(), problem.objective.search_margin)
     evaluations = [one.evaluation for one in evaluator(list(problem.baselines.values()))]
-    starts = [
-        Start(gait, one.cost) for gait, one in zip(problem.baselines.values(), evaluations, strict=True)
-    ]
+    starts = [Start(gait, one) for gait, one in zip(problem.baselines.values(), evaluations, strict=True)]
     study = searches.search(evaluator, budget, seed, starts, planned(problem, seed) if warm else ())
     best = min(evaluations, key=lambda evaluation: evaluation.cost)
     return study.entries, evaluator, best.metrics["speed_m_s"]
