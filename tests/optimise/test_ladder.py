@@ -1,7 +1,7 @@
 """The fidelity ladder: a rung that ranks gaits as the working fidelity does is used, another one refused."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +21,10 @@ from gaitopt.optimise.recorder import Recorder
 from gaitopt.optimise.run import Optimised, Request, optimise
 from gaitopt.optimise.selection import finalists
 from gaitopt.optimise.settings import SearchSettings
-from gaitopt.optimise.study import LOWER, StudySettings
+from gaitopt.optimise.study import LOWER, Study, StudySettings
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.summary import Summary
+from gaitopt.simulation.metrics import metric_names
 from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
@@ -160,6 +161,48 @@ def test_only_gaits_of_the_working_fidelity_can_win(strider: Problem, tmp_path: 
     assert recorder.best.rung == WORKING
     working = [entry.gait for entry in at_rung(journal.entries)]
     assert all(one.gait in working for one in finalists(journal.entries, [], BUDGET, strider.space).leaders)
+
+
+@dataclass(frozen=True)
+class Turning(Evaluator):
+    """Judges gaits by their periods; a longer step ranks them in reverse order after some populations."""
+
+    reversed_after: int = 0
+    lower: list[int] = field(default_factory=list)
+
+    def __call__(self, gaits: Sequence[Gait]) -> list[Evaluated]:
+        sign = 1
+        if self.setup.fidelity != self.setup.problem.simulation.working:
+            self.lower.append(len(gaits))
+            sign = 1 if len(self.lower) <= self.reversed_after else -1
+        metrics = dict.fromkeys(metric_names(self.setup.problem), 0.0)
+        kept = dict.fromkeys(self.setup.problem.objective.constraints, 0.0)
+        costs = [sign * gait.period_s for gait in gaits]
+        return [Evaluated(Evaluation(cost, metrics, kept, "ok"), [Outcome({}, "ok", 2.0)]) for cost in costs]
+
+
+@pytest.mark.parametrize("reversed_after", [4, 1000])
+def test_a_rung_that_ranks_later_gaits_differently_is_left(
+    strider: Problem, tmp_path: Path, reversed_after: int
+) -> None:
+    settings = StudySettings(ladder=LadderSettings(from_gaits=20, every=3))
+    evaluator = Turning(setting_of(strider), SerialExecutor(), reversed_after=reversed_after)
+    study = Study(evaluator, Journal(tmp_path / "evaluations.csv", strider), 120, 1, settings=settings)
+    study.run(laddered=True)
+    again = [rung for rung in study.rungs if rung.after]
+    assert all(rung.name == "longer timestep, shorter horizon" for rung in again)
+    populations = [e for e in study.entries if e.method == "cma-es"]
+    measured = [e.rung for e in populations if e.index in {rung.after for rung in again}]
+    assert measured == [WORKING] * len(again)
+    if reversed_after == 1000:
+        assert len(again) > 1
+        assert all(rung.used and rung.rank_correlation == pytest.approx(1.0) for rung in again)
+        return
+    (left,) = again
+    assert not left.used
+    assert left.rank_correlation == pytest.approx(-1.0)
+    assert {e.rung for e in populations if e.index > left.after} == {WORKING}
+    assert LOWER in {e.rung for e in populations if e.index < left.after}
 
 
 @pytest.mark.slow

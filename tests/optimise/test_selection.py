@@ -57,3 +57,18 @@ def test_the_others_are_tried_where_the_leaders_break_a_limit(strider: Problem, 
     assert found.found_by == ("slow" if share < 1.0 else "fast")
     assert alone.found_by == "fast"
     assert (found.simulated_s > alone.simulated_s) == (share < 1.0)
+
+
+def test_a_gait_that_keeps_the_limits_wins_over_a_faster_one_that_breaks_one(strider: Problem) -> None:
+    """Although the penalty is smaller than the difference in speed."""
+    gaits = sorted(strider.baselines.values(), key=lambda gait: speed(strider, gait))
+    slow, fast = gaits[0], gaits[-1]
+    limit = 0.5 * (speed(strider, slow) + speed(strider, fast))
+    limits = {SPEED.name: Constraint(max=limit, scale=1.0)}
+    changes = {"constraints": limits, "search_margin": 0.0, "penalty": 1e-6}
+    objective = strider.objective.model_copy(update=changes)
+    problem = replace(strider, file=strider.file.model_copy(update={"objective": objective}))
+    with open_executor("serial", 1) as pool:
+        found = select(problem, Finalists([Finalist(fast, "fast"), Finalist(slow, "slow")]), pool, 1)
+        others = select(problem, Finalists([Finalist(fast, "fast")], [Finalist(slow, "slow")]), pool, 1)
+    assert found.found_by == others.found_by == "slow"

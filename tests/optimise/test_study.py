@@ -1,20 +1,31 @@
 """The study: every method spends its budget, and the best gait is verified."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 from searching import run
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import Progress
 from gaitopt.core.streams import Stream
+from gaitopt.gait.gait import Gait
+from gaitopt.optimise.evaluator import Evaluated, Evaluator, Outcome
+from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.recorder import SearchProgress
 from gaitopt.optimise.run import Request
-from gaitopt.optimise.stages import method_names
+from gaitopt.optimise.stages import method_names, method_of
+from gaitopt.optimise.study import Start, Study
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem
 from gaitopt.runs.summary import Summary
+from gaitopt.simulation.metrics import metric_names
+from gaitopt.simulation.objective import Evaluation
+from gaitopt.simulation.scenario import NOMINAL
+from gaitopt.simulation.setup import RobotSetup
 
 
 @pytest.mark.parametrize("method", method_names())
@@ -90,3 +101,33 @@ def test_an_unknown_method_is_one_line(strider: Problem, tmp_path: Path) -> None
     assert str(error.value) == (
         "--method: found 'cma'; allowed: default, cma-es, nelder-mead (nearest: 'cma-es')"
     )
+
+
+@dataclass(frozen=True)
+class Still(Evaluator):
+    """Finds every gait equally bad."""
+
+    def __call__(self, gaits: Sequence[Gait]) -> list[Evaluated]:
+        metrics = dict.fromkeys(metric_names(self.setup.problem), 0.0)
+        kept = dict.fromkeys(self.setup.problem.objective.constraints, 0.0)
+        return [Evaluated(Evaluation(1.0, metrics, kept, "ok"), [Outcome({}, "ok", 2.0)]) for _ in gaits]
+
+
+@pytest.mark.parametrize(("method", "near"), [("cma-es", "fast"), ("nelder-mead", "slow")])
+def test_only_a_search_with_small_penalties_starts_at_a_fast_gait_that_breaks_a_limit(
+    strider: Problem, tmp_path: Path, method: str, near: str
+) -> None:
+    """With the full penalty the fast gait is worse than the slow one; with a fifth of it, it is better."""
+    objective, space = strider.objective, strider.space
+    points = {"slow": np.full(len(space.variables), 0.3), "fast": np.full(len(space.variables), 0.7)}
+    kept = dict.fromkeys(objective.constraints, 0.0)
+    broken = kept | {"tilt_rad": 1.0}
+    starts = [
+        Start(space.decode(points["slow"]), Evaluation(-0.04, {}, kept, "ok")),
+        Start(space.decode(points["fast"]), Evaluation(-0.07 + objective.penalty, {}, broken, "ok")),
+    ]
+    setup = RobotSetup.of(strider, (NOMINAL,), strider.simulation.working)
+    study = Study(Still(setup, SerialExecutor()), Journal(tmp_path / "evaluations.csv", strider), 10, 1)
+    study.run(method_of(method), starts)
+    middle = np.mean([entry.point[0] for entry in study.entries])
+    assert min(points, key=lambda name: abs(points[name][0] - middle)) == near
