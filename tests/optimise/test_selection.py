@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gaitopt.core.progress import Progress
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.journal import Entry
@@ -72,3 +73,26 @@ def test_a_gait_that_keeps_the_limits_wins_over_a_faster_one_that_breaks_one(str
         found = select(problem, Finalists([Finalist(fast, "fast"), Finalist(slow, "slow")]), pool, 1)
         others = select(problem, Finalists([Finalist(fast, "fast")], [Finalist(slow, "slow")]), pool, 1)
     assert found.found_by == others.found_by == "slow"
+
+
+def test_the_others_are_tried_although_a_baseline_keeps_the_limits(strider: Problem) -> None:
+    """Group by group, until one of the search keeps them, too; a baseline that is slower does not win."""
+    gaits = sorted(strider.baselines.values(), key=lambda gait: speed(strider, gait))
+    slow, fast = gaits[0], gaits[-1]
+    still = Gait(
+        slow.period_s,
+        {name: c.model_copy(update={"amplitude_deg": 0.0}) for name, c in slow.channels.items()},
+    )
+    limit = 0.5 * (speed(strider, slow) + speed(strider, fast))
+    limits = {SPEED.name: Constraint(max=limit, scale=1.0)}
+    changes = {"constraints": limits, "search_margin": 0.0, "penalty": 1.0}
+    objective = strider.objective.model_copy(update=changes)
+    problem = replace(strider, file=strider.file.model_copy(update={"objective": objective}))
+    others = [Finalist(fast, "again"), Finalist(slow, "slow"), Finalist(slow, "not tried")]
+    among = Finalists([Finalist(fast, "fast")], others, Finalist(still, "baseline"))
+    assert [len(group) for group in among.groups] == [1, 1, 1, 1]
+    steps: list[Progress] = []
+    with open_executor("serial", 1) as pool:
+        found = select(problem, among, pool, 1, steps.append)
+    assert found.found_by == "slow"
+    assert sum(step.done == step.total for step in steps) == 4  # "not tried" is not
