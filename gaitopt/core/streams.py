@@ -49,6 +49,7 @@ class Stream(IntEnum):
     CAMPAIGN_BELIEF = 62
     CAMPAIGN_RIVALS = 63
     TOLERANT_ROBOTS = 70
+    CONFIRMATION_SCENARIOS = 71
     TAG_MOUNTING = 72  # with the stream of the robot's other errors and the number of the robot
 
 

@@ -12,13 +12,14 @@ from gaitopt.core.progress import Count, OnProgress, silent
 from gaitopt.core.streams import Stream
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.space import GaitSpace
-from gaitopt.optimise.evaluator import Evaluated, Evaluator, judge, simulated_s
+from gaitopt.optimise.evaluator import Evaluator, Outcome, judge
 from gaitopt.optimise.journal import Entry, succeeded
 from gaitopt.optimise.notes import counted
 from gaitopt.optimise.solvers.surrogate import distance
 from gaitopt.optimise.study import Start
 from gaitopt.optimise.verification import scenarios_of
 from gaitopt.problem.problem import Problem
+from gaitopt.problem.records import Fidelity
 from gaitopt.simulation.setup import RobotSetup
 
 _GROUPS = 4
@@ -129,6 +130,15 @@ SELECTION = "selection"
 """Name of the stage."""
 
 
+@dataclass
+class _Candidate:
+    """A finalist and the outcomes that it is judged by."""
+
+    finalist: Finalist
+    outcomes: list[Outcome]
+    confirmed: bool = False
+
+
 def select(
     problem: Problem,
     among: Finalists,
@@ -141,28 +151,71 @@ def select(
     The best gait of the search is partly best by chance on its few scenarios; fresh scenarios correct this.
     Its leaders are often alike, the last steps to one optimum. While all that were tried break a limit, the
     others are tried, too. A gait that keeps every limit wins over one that breaks some, whatever it costs.
+    The best of many is again best by chance, and at the working fidelity. So it must stay the best where it
+    is judged anew, at the reference fidelity in other scenarios.
     """
-    scenarios = scenarios_of(problem, seed, Stream.SELECTION_SCENARIOS)
-    setup = RobotSetup.of(problem, scenarios, problem.simulation.working)
-    margin, tried, judged = problem.objective.search_margin, list[Finalist](), list[Evaluated]()
-
-    def try_out(group: Sequence[Finalist]) -> None:
-        count = Count(on_progress, SELECTION, len(group) * len(scenarios), "rollouts")
-        judged.extend(Evaluator(setup, executor, margin, on_done=count.one)([one.gait for one in group]))
-        tried.extend(group)
-
+    trials = _Trials(problem, executor, seed, on_progress)
     for group in among.groups:
-        try_out(group)
-        if any(one.evaluation.constraints_met for one in judged):
+        trials.begin(group)
+        while trials.best_keeps_limits and not trials.best.confirmed:
+            trials.confirm()
+        if trials.best_keeps_limits:
             break
     if among.baseline:
-        try_out([among.baseline])
-    winner = tried[min(range(len(tried)), key=lambda index: _rank(problem, judged[index]))]
+        trials.begin([among.baseline])
+    while not trials.best.confirmed:
+        trials.confirm()
+    winner = trials.best.finalist
     gait = Gait(winner.gait.period_s, winner.gait.channels, "best")
-    return Selected(gait, winner.found_by, simulated_s(judged))
+    return Selected(gait, winner.found_by, trials.simulated_s)
 
 
-def _rank(problem: Problem, evaluated: Evaluated) -> tuple[bool, bool, float]:
-    """Return what the lowest of wins: who keeps every limit with its margin, then who keeps them at all."""
-    kept = judge(problem, evaluated.outcomes).constraints_met
-    return not evaluated.evaluation.constraints_met, not kept, evaluated.evaluation.cost
+class _Trials:
+    """The finalists that were simulated so far.
+
+    Attributes:
+        simulated_s: simulated seconds of all.
+    """
+
+    def __init__(self, problem: Problem, executor: Executor, seed: int, on_progress: OnProgress):
+        self._problem = problem
+        self._executor = executor
+        self._seed = seed
+        self._on_progress = on_progress
+        self._candidates: list[_Candidate] = []
+        self.simulated_s = 0.0
+
+    @property
+    def best(self) -> _Candidate:
+        """The best by all that is known of each: the earliest of equals."""
+        return min(self._candidates, key=self._rank)
+
+    @property
+    def best_keeps_limits(self) -> bool:
+        """Whether the best keeps every limit, with its margin."""
+        return not self._rank(self.best)[0]
+
+    def begin(self, group: Sequence[Finalist]) -> None:
+        """Simulate further finalists."""
+        rows = self._outcomes(group, Stream.SELECTION_SCENARIOS, self._problem.simulation.working)
+        self._candidates += [_Candidate(one, row) for one, row in zip(group, rows, strict=True)]
+
+    def confirm(self) -> None:
+        """Judge the best anew: where it was chosen, it was flattered."""
+        best, reference = self.best, self._problem.simulation.reference
+        (best.outcomes,) = self._outcomes([best.finalist], Stream.CONFIRMATION_SCENARIOS, reference)
+        best.confirmed = True
+
+    def _outcomes(self, group: Sequence[Finalist], stream: Stream, fidelity: Fidelity) -> list[list[Outcome]]:
+        scenarios = scenarios_of(self._problem, self._seed, stream)
+        setup = RobotSetup.of(self._problem, scenarios, fidelity)
+        count = Count(self._on_progress, SELECTION, len(group) * len(scenarios), "rollouts")
+        rows = Evaluator(setup, self._executor, on_done=count.one).outcomes([one.gait for one in group])
+        self.simulated_s += sum(outcome.simulated_s for row in rows for outcome in row)
+        return rows
+
+    def _rank(self, one: _Candidate) -> tuple[bool, bool, float]:
+        """Return what the lowest of is best: it keeps limits with their margin, or keeps them at all."""
+        problem, margin = self._problem, self._problem.objective.search_margin
+        strict, plain = (judge(problem, one.outcomes, share) for share in (margin, 0.0))
+        return not strict.constraints_met, not plain.constraints_met, strict.cost

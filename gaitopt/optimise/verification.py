@@ -101,13 +101,18 @@ _IN_TURN = (
     Stream.SELECTION_SCENARIOS,
     Stream.VERIFICATION_SCENARIOS,
     Stream.SENSITIVITY_SCENARIOS,
+    Stream.CONFIRMATION_SCENARIOS,
 )
 """The streams in the order in which they take robots: as far as there are enough, each takes others."""
 
 
 def _scenario_count(problem: Problem, stream: Stream) -> int:
     spread = problem.file.scenarios
-    counts = {Stream.SEARCH_SCENARIOS: spread.search, Stream.VERIFICATION_SCENARIOS: spread.verification}
+    counts = {
+        Stream.SEARCH_SCENARIOS: spread.search,
+        Stream.VERIFICATION_SCENARIOS: spread.verification,
+        Stream.CONFIRMATION_SCENARIOS: spread.verification,
+    }
     return counts.get(stream, _SELECTION_SCENARIOS)
 
 
