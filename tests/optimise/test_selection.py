@@ -1,19 +1,22 @@
 """The winner among the best gaits of a search, by fresh scenarios and by its limits."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from gaitopt.core.progress import Progress
 from gaitopt.gait.gait import Gait
+from gaitopt.optimise import selection
+from gaitopt.optimise.evaluator import Evaluator, Outcome
 from gaitopt.optimise.executors import open_executor
 from gaitopt.optimise.journal import Entry
 from gaitopt.optimise.selection import Finalist, Finalists, finalists, select
 from gaitopt.problem.objective import Constraint
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.robot import Robot
-from gaitopt.simulation.metrics import SPEED, measure
+from gaitopt.simulation.metrics import SPEED, measure, metric_names
 from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.rollout import Simulator
 
@@ -95,4 +98,33 @@ def test_the_others_are_tried_although_a_baseline_keeps_the_limits(strider: Prob
     with open_executor("serial", 1) as pool:
         found = select(problem, among, pool, 1, steps.append)
     assert found.found_by == "slow"
-    assert sum(step.done == step.total for step in steps) == 4  # "not tried" is not
+    assert sum(step.done == step.total for step in steps) == 5  # "slow" twice, "not tried" not at all
+
+
+@dataclass(frozen=True)
+class Flattering(Evaluator):
+    """Gives gaits a speed by their periods; that of 0.5 s is half as fast at the reference fidelity."""
+
+    def outcomes(self, gaits: Sequence[Gait], scenarios: Sequence[int] | None = None) -> list[list[Outcome]]:
+        working = self.setup.fidelity == self.setup.problem.simulation.working
+        metrics = dict.fromkeys(metric_names(self.setup.problem), 0.0)
+        rows = []
+        for gait in gaits:
+            lost = 0.0 if working else 0.1 * (gait.period_s == 0.5)
+            rows.append([Outcome(metrics | {SPEED.name: 0.2 - 0.1 * gait.period_s - lost}, "ok", 2.0)])
+        return rows
+
+
+def test_the_best_must_stay_the_best_at_the_reference_fidelity(
+    strider: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And each that takes its place must, too."""
+    monkeypatch.setattr(selection, "Evaluator", Flattering)
+    channels = next(iter(strider.baselines.values())).channels
+    lucky, steady, slow = (Gait(period, channels, str(period)) for period in (0.5, 0.7, 0.9))
+    among = Finalists([Finalist(one, one.name) for one in (slow, lucky, steady)])
+    with open_executor("serial", 1) as pool:
+        found = select(strider, among, pool, 1)
+    assert found.found_by == "0.7"
+    assert found.gait.period_s == 0.7
+    assert found.simulated_s == 5 * 2.0  # three at the working fidelity, two at the reference
