@@ -50,7 +50,8 @@ def numbered(on_progress: OnProgress, stages: Sequence[str]) -> OnProgress:
 class Count:
     """Counts what is done of a stage, and tells it."""
 
-    def __init__(self, on_progress: OnProgress, stage: str, total: int, unit: str):
+    def __init__(self, on_progress: OnProgress, stage: str, total: int | None, unit: str):
+        self.stage = stage
         self._on_progress = on_progress
         self._step = Progress(stage, 0, total, unit)
         on_progress(self._step)

@@ -25,7 +25,7 @@ from gaitopt.optimise.notes import (
 )
 from gaitopt.optimise.pareto import FrontGait, front_of, thinned, verified_front
 from gaitopt.optimise.recorder import SEARCH
-from gaitopt.optimise.selection import SELECTION, finalists, select
+from gaitopt.optimise.selection import CONFIRMATION, SELECTION, finalists, select
 from gaitopt.optimise.settings import SearchSettings
 from gaitopt.optimise.stages import DEFAULT_METHOD, method_names, method_of
 from gaitopt.optimise.study import Start, Study
@@ -59,7 +59,18 @@ _RANKS = "ranks of planned speeds"
 def stages_of(request: Request) -> tuple[str, ...]:
     """Return the names of the stages of a search, in order; a cold search skips those of its plan."""
     front = (_FRONT,) if request.pareto else ()
-    return (_HAND_TUNED, _PLAN, SEARCH, SELECTION, VERIFICATION, TIMESTEP, _CHECK, *front, _RANKS)
+    return (
+        _HAND_TUNED,
+        _PLAN,
+        SEARCH,
+        SELECTION,
+        CONFIRMATION,
+        VERIFICATION,
+        TIMESTEP,
+        _CHECK,
+        *front,
+        _RANKS,
+    )
 
 
 @dataclass(frozen=True)

@@ -126,8 +126,8 @@ def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int, spa
     )
 
 
-SELECTION = "selection"
-"""Name of the stage."""
+SELECTION, CONFIRMATION = "selection", "confirmation of the best"
+"""Names of the stages. How many gaits the second one simulates is not known before."""
 
 
 @dataclass
@@ -155,14 +155,16 @@ def select(
     is judged anew, at the reference fidelity in other scenarios.
     """
     trials = _Trials(problem, executor, seed, on_progress)
-    for group in among.groups:
-        trials.begin(group)
+    baselines = [among.baseline] if among.baseline else []
+    first = trials.judged([*among.leaders, *baselines], SELECTION)
+    trials.enter(first[: len(among.leaders)])
+    for group in (None, *among.groups[1:]):
+        trials.enter(trials.judged(group, CONFIRMATION) if group else [])
         while trials.best_keeps_limits and not trials.best.confirmed:
             trials.confirm()
         if trials.best_keeps_limits:
             break
-    if among.baseline:
-        trials.begin([among.baseline])
+    trials.enter(first[len(among.leaders) :])
     while not trials.best.confirmed:
         trials.confirm()
     winner = trials.best.finalist
@@ -184,6 +186,7 @@ class _Trials:
         self._on_progress = on_progress
         self._candidates: list[_Candidate] = []
         self.simulated_s = 0.0
+        self._count: Count | None = None
 
     @property
     def best(self) -> _Candidate:
@@ -195,22 +198,33 @@ class _Trials:
         """Whether the best keeps every limit, with its margin."""
         return not self._rank(self.best)[0]
 
-    def begin(self, group: Sequence[Finalist]) -> None:
-        """Simulate further finalists."""
-        rows = self._outcomes(group, Stream.SELECTION_SCENARIOS, self._problem.simulation.working)
-        self._candidates += [_Candidate(one, row) for one, row in zip(group, rows, strict=True)]
+    def judged(self, group: Sequence[Finalist], stage: str) -> list[_Candidate]:
+        """Simulate further finalists, and return them."""
+        rows = self._outcomes(group, Stream.SELECTION_SCENARIOS, self._problem.simulation.working, stage)
+        return [_Candidate(one, row) for one, row in zip(group, rows, strict=True)]
+
+    def enter(self, candidates: Sequence[_Candidate]) -> None:
+        """Let further finalists compete."""
+        self._candidates += candidates
 
     def confirm(self) -> None:
         """Judge the best anew: where it was chosen, it was flattered."""
         best, reference = self.best, self._problem.simulation.reference
-        (best.outcomes,) = self._outcomes([best.finalist], Stream.CONFIRMATION_SCENARIOS, reference)
+        (best.outcomes,) = self._outcomes(
+            [best.finalist], Stream.CONFIRMATION_SCENARIOS, reference, CONFIRMATION
+        )
         best.confirmed = True
 
-    def _outcomes(self, group: Sequence[Finalist], stream: Stream, fidelity: Fidelity) -> list[list[Outcome]]:
+    def _outcomes(
+        self, group: Sequence[Finalist], stream: Stream, fidelity: Fidelity, stage: str
+    ) -> list[list[Outcome]]:
         scenarios = scenarios_of(self._problem, self._seed, stream)
         setup = RobotSetup.of(self._problem, scenarios, fidelity)
-        count = Count(self._on_progress, SELECTION, len(group) * len(scenarios), "rollouts")
-        rows = Evaluator(setup, self._executor, on_done=count.one).outcomes([one.gait for one in group])
+        if self._count is None or self._count.stage != stage:
+            total = len(group) * len(scenarios) if stage == SELECTION else None
+            self._count = Count(self._on_progress, stage, total, "rollouts")
+        gaits = [one.gait for one in group]
+        rows = Evaluator(setup, self._executor, on_done=self._count.one).outcomes(gaits)
         self.simulated_s += sum(outcome.simulated_s for row in rows for outcome in row)
         return rows
 
