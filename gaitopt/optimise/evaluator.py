@@ -104,6 +104,9 @@ def judge(problem: Problem, outcomes: Sequence[Outcome], margin: float = 0.0) ->
 Judge = Callable[[Problem, Sequence[Outcome], float], Evaluation]
 """From the outcomes of one gait to its evaluation, every limit tightened by a share."""
 
+Cost = Callable[[Evaluation], float]
+"""What a search minimises of an evaluation: `cost_of`, or the same with smaller penalties."""
+
 
 def cost_of(evaluation: Evaluation) -> float:
     """Return the cost of a gait with its full penalties."""
@@ -152,7 +155,7 @@ class Evaluator:
     def _judged(self, row: Sequence[Outcome]) -> Evaluation:
         return self.judge(self.setup.problem, row, self.margin)
 
-    def race(self, gaits: Sequence[Gait], aim: Callable[[Evaluation], float] = cost_of) -> list[Evaluated]:
+    def race(self, gaits: Sequence[Gait], aim: Cost = cost_of) -> list[Evaluated]:
         """Return evaluation and outcomes of each gait; the worst in the first scenario are dropped after it.
 
         `raced_on` of the gaits are simulated in every scenario. Each other one costs at least as much as the

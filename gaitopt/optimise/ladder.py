@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluator, cost_of, simulated_s
-from gaitopt.simulation.objective import Evaluation
+from gaitopt.optimise.evaluator import Cost, Evaluator, cost_of, simulated_s
 from gaitopt.simulation.setup import RobotSetup
 
 
@@ -112,7 +111,7 @@ def descend(
     gaits: Sequence[Gait],
     costs: NDArray[np.float64],
     settings: LadderSettings = LadderSettings(),
-    aim: Callable[[Evaluation], float] = cost_of,
+    aim: Cost = cost_of,
 ) -> Descent:
     """Measure cheaper rungs, and return the lowest one that ranks gaits like the working fidelity.
 
@@ -139,7 +138,7 @@ def measured(
     gaits: Sequence[Gait],
     costs: NDArray[np.float64],
     settings: LadderSettings,
-    aim: Callable[[Evaluation], float],
+    aim: Cost,
     after: int = 0,
 ) -> Rung:
     """Return how well a cheaper rung ranks gaits.

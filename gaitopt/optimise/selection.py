@@ -118,7 +118,7 @@ def finalists(entries: Sequence[Entry], starts: Sequence[Start], count: int, spa
         reasons = Counter(entry.evaluation.status for entry in entries)
         raise GaitoptError(f"every one of {len(entries)} gaits failed in simulation: {counted(reasons, 5)}")
     leaders, others = good[:count], unlike(good[count:], _GROUPS * count, space, good[:count])
-    baseline = min((start for start in starts), key=lambda start: start.evaluation.cost, default=None)
+    baseline = min(starts, key=lambda start: start.evaluation.cost, default=None)
     return Finalists(
         [Finalist(entry.gait, entry.method) for entry in leaders],
         [Finalist(entry.gait, entry.method) for entry in others],
@@ -130,13 +130,22 @@ SELECTION, CONFIRMATION = "selection", "confirmation of the best"
 """Names of the stages. How many gaits the second one simulates is not known before."""
 
 
+_Rank = tuple[bool, bool, float]
+"""Whether a gait breaks a limit with its margin, whether it breaks one at all, and its cost."""
+
+
 @dataclass
 class _Candidate:
-    """A finalist and the outcomes that it is judged by."""
+    """A finalist and its rank by the outcomes that it is judged by: the lowest is best."""
 
     finalist: Finalist
-    outcomes: list[Outcome]
+    rank: _Rank
     confirmed: bool = False
+
+    @property
+    def keeps_limits(self) -> bool:
+        """Whether it keeps every limit, with its margin."""
+        return not self.rank[0]
 
 
 def select(
@@ -158,12 +167,9 @@ def select(
     baselines = [among.baseline] if among.baseline else []
     first = trials.judged([*among.leaders, *baselines], SELECTION)
     trials.enter(first[: len(among.leaders)])
-    for group in (None, *among.groups[1:]):
-        trials.enter(trials.judged(group, CONFIRMATION) if group else [])
-        while trials.best_keeps_limits and not trials.best.confirmed:
-            trials.confirm()
-        if trials.best_keeps_limits:
-            break
+    further = iter(among.groups[1:])
+    while not trials.settled() and (group := next(further, None)):
+        trials.enter(trials.judged(group, CONFIRMATION))
     trials.enter(first[len(among.leaders) :])
     while not trials.best.confirmed:
         trials.confirm()
@@ -191,17 +197,18 @@ class _Trials:
     @property
     def best(self) -> _Candidate:
         """The best by all that is known of each: the earliest of equals."""
-        return min(self._candidates, key=self._rank)
+        return min(self._candidates, key=lambda one: one.rank)
 
-    @property
-    def best_keeps_limits(self) -> bool:
-        """Whether the best keeps every limit, with its margin."""
-        return not self._rank(self.best)[0]
+    def settled(self) -> bool:
+        """Confirm the best while it keeps every limit; return whether a confirmed one still keeps them."""
+        while self.best.keeps_limits and not self.best.confirmed:
+            self.confirm()
+        return self.best.keeps_limits
 
     def judged(self, group: Sequence[Finalist], stage: str) -> list[_Candidate]:
         """Simulate further finalists, and return them."""
         rows = self._outcomes(group, Stream.SELECTION_SCENARIOS, self._problem.simulation.working, stage)
-        return [_Candidate(one, row) for one, row in zip(group, rows, strict=True)]
+        return [_Candidate(one, self._rank(row)) for one, row in zip(group, rows, strict=True)]
 
     def enter(self, candidates: Sequence[_Candidate]) -> None:
         """Let further finalists compete."""
@@ -210,10 +217,8 @@ class _Trials:
     def confirm(self) -> None:
         """Judge the best anew: where it was chosen, it was flattered."""
         best, reference = self.best, self._problem.simulation.reference
-        (best.outcomes,) = self._outcomes(
-            [best.finalist], Stream.CONFIRMATION_SCENARIOS, reference, CONFIRMATION
-        )
-        best.confirmed = True
+        (row,) = self._outcomes([best.finalist], Stream.CONFIRMATION_SCENARIOS, reference, CONFIRMATION)
+        best.rank, best.confirmed = self._rank(row), True
 
     def _outcomes(
         self, group: Sequence[Finalist], stream: Stream, fidelity: Fidelity, stage: str
@@ -228,8 +233,7 @@ class _Trials:
         self.simulated_s += sum(outcome.simulated_s for row in rows for outcome in row)
         return rows
 
-    def _rank(self, one: _Candidate) -> tuple[bool, bool, float]:
-        """Return what the lowest of is best: it keeps limits with their margin, or keeps them at all."""
+    def _rank(self, row: Sequence[Outcome]) -> _Rank:
         problem, margin = self._problem, self._problem.objective.search_margin
-        strict, plain = (judge(problem, one.outcomes, share) for share in (margin, 0.0))
+        strict, plain = (judge(problem, row, share) for share in (margin, 0.0))
         return not strict.constraints_met, not plain.constraints_met, strict.cost

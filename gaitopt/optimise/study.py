@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -16,7 +16,7 @@ from gaitopt.core.streams import Stream, generator
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.ties import TiedSpace
 from gaitopt.optimise import pareto
-from gaitopt.optimise.evaluator import Evaluator, cost_of
+from gaitopt.optimise.evaluator import Cost, Evaluator, cost_of
 from gaitopt.optimise.journal import WORKING, Entry, Journal, at_rung, succeeded
 from gaitopt.optimise.ladder import LadderSettings, Rung, descend, measured
 from gaitopt.optimise.penalty import Penalty, PenaltySettings
@@ -213,11 +213,18 @@ class Study:
         return point
 
     def _known(self, method: str, points: NDArray[np.float64]) -> list[_Known]:
-        self._evaluate(method, points, self.evaluator)
-        entries = self.entries[len(self.entries) - len(points) :]
+        entries = self._judged(method, points, self.evaluator)
         return [_Known(entry.point, entry.evaluation) for entry in entries]
 
-    def _aim(self, solver: Solver) -> Callable[[Evaluation], float]:
+    def _judged(
+        self, method: str, points: NDArray[np.float64], judge: Judge, rung: str = WORKING
+    ) -> list[Entry]:
+        """Evaluate candidates, and return their entries."""
+        before = len(self.entries)
+        self._evaluate(method, points, judge, rung)
+        return self.entries[before:]
+
+    def _aim(self, solver: Solver) -> Cost:
         """Return what a solver minimises; only one that ranks populations can follow penalties that adapt."""
         return self._penalty.cost if solver.ranks_populations else cost_of
 
@@ -250,17 +257,11 @@ class Study:
         def costs(points: NDArray[np.float64]) -> NDArray[np.float64]:
             if solver.ranks_populations:
                 race = partial(self._lowest.race, aim=self._penalty.cost)
-                return self._population(solver.name, points, race, self._rung)
+                population = self._judged(solver.name, points, race, self._rung)
+                return self._penalty.costs([entry.evaluation for entry in population])
             return self._evaluate(solver.name, points, self.evaluator)
 
         return costs
-
-    def _population(
-        self, method: str, points: NDArray[np.float64], judge: Judge, rung: str
-    ) -> NDArray[np.float64]:
-        """Return the costs of a population with the present penalties, and adapt them to it."""
-        self._evaluate(method, points, judge, rung)
-        return self._penalty.costs([entry.evaluation for entry in self.entries[-len(points) :]])
 
     def _descending(self, stage: Stage) -> Evaluate:
         """Return the same for a stage that uses a lower rung after its first population.
@@ -277,18 +278,19 @@ class Study:
             lowered = self._lowest is not self.evaluator
             if not first and not (lowered and next(populations) % ladder.every == ladder.every - 1):
                 return costs(points)
-            before = len(self.entries)
-            self._evaluate(stage.solver.name, points, self.evaluator)
-            gaits = [entry.gait for entry in self.entries[before:]]
-            judged = [entry.evaluation for entry in self.entries[before:]]
+            population = self._judged(stage.solver.name, points, self.evaluator)
+            gaits = [entry.gait for entry in population]
+            judged = [entry.evaluation for entry in population]
             exact = np.array([aim(one) for one in judged])
             if first:
                 descent = descend(self.evaluator, gaits, exact, ladder, aim)
                 self._lowest, self.rungs = descent.evaluator, descent.rungs
             else:
                 name = ", ".join(rung.name for rung in self.rungs if rung.used and not rung.after)
-                self.rungs.append(measured(name, self._lowest, gaits, exact, ladder, aim, before))
-                self._lowest = self._lowest if self.rungs[-1].used else self.evaluator
+                after = population[0].index
+                self.rungs.append(measured(name, self._lowest, gaits, exact, ladder, aim, after))
+                if not self.rungs[-1].used:
+                    self._lowest = self.evaluator
             return self._penalty.costs(judged)
 
         return descending
@@ -320,8 +322,7 @@ class Study:
             return
 
         def costs(points: NDArray[np.float64]) -> NDArray[np.float64]:
-            self._evaluate("pareto", points, self.evaluator)
-            return np.array([aim(entry) for entry in self.entries[-len(points) :]])
+            return np.array([aim(entry) for entry in self._judged("pareto", points, self.evaluator)])
 
         start, ties = min(self.entries, key=aim).point, self._ties
         rng, box = generator(self.seed, Stream.FRONT + stream), Box((ties or self._space).circular)

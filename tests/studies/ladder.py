@@ -32,19 +32,15 @@ from kept import read_kept
 from numpy.typing import NDArray
 from rivals import ROBOTS
 from scipy.stats import spearmanr
-from searches import judged, setting_of
+from searches import evaluator_of, judged, winner_of
 
 from gaitopt.gait.gait import Gait
 from gaitopt.optimise import ladder
 from gaitopt.optimise.evaluator import Evaluator
-from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import WORKING
 from gaitopt.optimise.quasi_random import quasi_random
-from gaitopt.optimise.selection import finalists, select
-from gaitopt.optimise.settings import SearchSettings
 from gaitopt.optimise.stages import FirstBatch
 from gaitopt.optimise.study import StudySettings
-from gaitopt.optimise.verification import verify
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.simulation.setup import RobotSetup
 
@@ -74,11 +70,6 @@ def planned(case: str, seed: int) -> tuple[Gait, ...]:
 def problem_of(case: str) -> Problem:
     """Return the problem of a case."""
     return load_problem(CASES[case][0])
-
-
-def evaluator_of(problem: Problem, seed: int) -> Evaluator:
-    """Return the evaluator of a search with a seed."""
-    return Evaluator(setting_of(problem, seed), SerialExecutor(), problem.objective.search_margin)
 
 
 def costs(evaluator: Evaluator, gaits: list[Gait]) -> Floats:
@@ -134,9 +125,7 @@ def search(case: str, seed: int, rung: str | None) -> dict[str, Any]:
     began = time.process_time()
     searched = searches.search(evaluator, budget, seed, starts, elites, laddered=True, settings=forced(rung))
     cpu_s = time.process_time() - began
-    among = finalists(searched.entries, starts, SearchSettings.finalists, problem.space)
-    winner = select(problem, among, SerialExecutor(), seed)
-    (verified,) = verify(problem, [winner.gait], seed, SerialExecutor())
+    _, verified = winner_of(searched, starts)
     longer = ladder.LadderSettings.factor if rung in ("longer timestep", "both") else 1.0
     spent = sum(e.simulated_s / (1.0 if e.rung == WORKING else longer) for e in searched.entries)
     checked = sum(one.simulated_s / longer for one in searched.rungs)

@@ -19,17 +19,12 @@ from typing import Any
 
 import searches
 from kept import read_kept, write_kept
-from searches import judged, setting_of
+from searches import evaluator_of, judged, winner_of
 
 from gaitopt.core.files import write_text
-from gaitopt.optimise.evaluator import Evaluator
-from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.penalty import PenaltySettings
 from gaitopt.optimise.run import DEFAULT_BUDGET
-from gaitopt.optimise.selection import finalists, select
-from gaitopt.optimise.settings import SearchSettings
 from gaitopt.optimise.study import StudySettings
-from gaitopt.optimise.verification import verify
 from gaitopt.problem.problem import load_problem
 
 KINDS = {"adaptive": PenaltySettings(), "full": PenaltySettings(first=1.0, least=1.0)}
@@ -40,14 +35,12 @@ Row = dict[str, Any]
 def search(name: str, seed: int, kind: str, budget: int) -> Row:
     """Return what the winner of a search is worth."""
     began = time.process_time()
-    problem, executor = load_problem(name), SerialExecutor()
-    evaluator = Evaluator(setting_of(problem, seed), executor, problem.objective.search_margin)
+    problem = load_problem(name)
+    evaluator = evaluator_of(problem, seed)
     elites = searches.planned(problem, seed) if problem.file.planar else ()
     starts, settings = judged(evaluator), StudySettings(penalty=KINDS[kind])
     study = searches.search(evaluator, budget, seed, starts, elites, laddered=True, settings=settings)
-    among = finalists(study.entries, starts, SearchSettings.finalists, problem.space)
-    winner = select(problem, among, executor, seed)
-    (verified,) = verify(problem, [winner.gait], seed, executor)
+    winner, verified = winner_of(study, starts)
     broken = [limit for limit, size in verified.evaluation.violations.items() if size]
     return {
         **{"problem": name, "seed": seed, "penalty": kind, "budget": budget},

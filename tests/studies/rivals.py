@@ -23,7 +23,7 @@ import json
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,10 +34,9 @@ from kept import read_kept
 from numpy.typing import NDArray
 from scipy import optimize
 from scipy.stats import qmc
-from searches import judged, planned, search
+from searches import Recording, judged, planned, search
 
-from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluated, Evaluator, Outcome, cost_of
+from gaitopt.optimise.evaluator import Evaluated, Evaluator, Outcome
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.solvers.cma_es import CmaEs
 from gaitopt.optimise.stages import DEFAULT_METHOD, Method
@@ -273,30 +272,17 @@ def _study(record: Recorded, seed: int, warm: bool, method: Method = DEFAULT_MET
     return plan_s
 
 
-class Recorded:
-    """An evaluator that keeps the costs of gaits.
+class Recorded(Recording):
+    """A black box that keeps the costs of gaits.
 
     Attributes:
+        budget: gaits of a run.
         plans: whether a plan is used: a plan of the planar black box would be its optimum.
     """
 
     def __init__(self, case: str):
-        self.evaluator = evaluator_of(case)
-        self.setup = self.evaluator.setup
+        super().__init__(evaluator_of(case))
         self.budget, self.plans = CASES[case], case == "arcfold"
-        self.costs: list[float] = []
-        self.simulated_s: list[float] = []
-
-    def __call__(self, gaits: Sequence[Gait]) -> list[Evaluated]:
-        """Return evaluation and outcomes of each gait."""
-        rows: list[Evaluated] = self.evaluator(gaits)
-        self.costs += [one.evaluation.cost for one in rows]
-        self.simulated_s += [one.simulated_s for one in rows]
-        return rows
-
-    def race(self, gaits: Sequence[Gait], aim: Callable[[Evaluation], float] = cost_of) -> list[Evaluated]:
-        """Return the same: over one scenario no gait can be dropped early."""
-        return self(gaits)
 
 
 OURS = {"gaitopt": default, "gaitopt, cold": cold, "gaitopt, no surrogate": without_surrogate}

@@ -22,7 +22,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from rivals import ROBOTS
 from searches import planned, setting_of
 
 from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluated, Evaluator, Outcome, cost_of
+from gaitopt.optimise.evaluator import Cost, Evaluated, Evaluator, Outcome, cost_of
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.journal import Entry
 from gaitopt.optimise.study import Start
@@ -41,7 +41,6 @@ from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.problem.robot import Robot
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import measure
-from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.rollout import Simulator
 
 SHARES = (0.0, 0.25, 0.5, 0.75)
@@ -104,7 +103,7 @@ class Watching(Evaluator):
     raced: list[list[str]] = field(default_factory=list)
     built: list[Simulator] = field(default_factory=list)
 
-    def race(self, gaits: Sequence[Gait], aim: Callable[[Evaluation], float] = cost_of) -> list[Evaluated]:
+    def race(self, gaits: Sequence[Gait], aim: Cost = cost_of) -> list[Evaluated]:
         """Return evaluation and outcomes of a population, and keep its gaits."""
         self.raced.append([gait.name for gait in gaits])
         return super().race(gaits, aim)

@@ -28,15 +28,13 @@ import numpy as np
 from kept import read_kept, version
 from rivals import BlackBox, SpentError, improvements, totals
 from rivals_table import expected
-from searches import judged, search
+from searches import Recording, judged, search
 
 from gaitopt.core.files import write_text
-from gaitopt.gait.gait import Gait
-from gaitopt.optimise.evaluator import Evaluated, Evaluator, cost_of
+from gaitopt.optimise.evaluator import Evaluator
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.optimise.study import StudySettings
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.simulation.objective import Evaluation
 from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 
@@ -46,25 +44,10 @@ SHARES = (0.8, 0.9, 0.95)
 Run = dict[str, Any]
 
 
-class Recorded:
-    """An evaluator that keeps the costs of gaits."""
-
-    def __init__(self, problem: Problem):
-        self.setup = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
-        self._evaluator = Evaluator(self.setup, SerialExecutor(), problem.objective.search_margin)
-        self.costs: list[float] = []
-        self.simulated_s: list[float] = []
-
-    def __call__(self, gaits: Sequence[Gait]) -> list[Evaluated]:
-        """Return evaluation and outcomes of each gait."""
-        rows = self._evaluator(gaits)
-        self.costs += [one.evaluation.cost for one in rows]
-        self.simulated_s += [one.simulated_s for one in rows]
-        return rows
-
-    def race(self, gaits: Sequence[Gait], aim: Callable[[Evaluation], float] = cost_of) -> list[Evaluated]:
-        """Return the same: over one scenario no gait can be dropped early."""
-        return self(gaits)
+def recording(problem: Problem) -> Recording:
+    """Return an evaluator with one nominal scenario that keeps the costs of gaits."""
+    setup = RobotSetup.of(problem, (NOMINAL,), problem.simulation.working)
+    return Recording(Evaluator(setup, SerialExecutor(), problem.objective.search_margin))
 
 
 def untied(problem: Problem) -> Problem:
@@ -76,13 +59,13 @@ def untied(problem: Problem) -> Problem:
     return replace(problem, file=problem.file.model_copy(update={"gait": gait}))
 
 
-def tied(record: Recorded, seed: int) -> None:
+def tied(record: Recording, seed: int) -> None:
     """The search of gaitopt with the templates of the problem file; it is never freed."""
     starts = judged(record)
     search(record, BUDGET - len(starts), seed, starts)
 
 
-def pycma(record: Recorded, seed: int) -> None:
+def pycma(record: Recording, seed: int) -> None:
     """`cma.fmin2` over all channels from the trot, restarted with doubled populations."""
     import cma
 
@@ -94,7 +77,7 @@ def pycma(record: Recorded, seed: int) -> None:
         cma.fmin2(box, x0, StudySettings().spread, options, restarts=9)
 
 
-METHODS: dict[str, tuple[Callable[[Problem], Problem], Callable[[Recorded, int], None]]] = {
+METHODS: dict[str, tuple[Callable[[Problem], Problem], Callable[[Recording, int], None]]] = {
     "gaitopt, tied": (lambda problem: problem, tied),
     "gaitopt, free": (untied, tied),
     "pycma, from the trot": (untied, pycma),
@@ -104,7 +87,7 @@ METHODS: dict[str, tuple[Callable[[Problem], Problem], Callable[[Recorded, int],
 def run(method: str, seed: int) -> Run:
     """Return the record of one run."""
     change, solve = METHODS[method]
-    record = Recorded(change(load_problem("quadruped")))
+    record = recording(change(load_problem("quadruped")))
     solve(record, seed)
     record.costs, record.simulated_s = record.costs[:BUDGET], record.simulated_s[:BUDGET]
     return {
