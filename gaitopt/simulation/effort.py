@@ -30,25 +30,21 @@ class WorkBudget:
 
         Args:
             allowed: work, in the unit of `mean_work`.
-            chunk: steps that are simulated at once.
-            every: one step in this many is counted.
+            chunk: steps that are simulated at once, at most.
+            every: one step in this many is counted, from the first one of a chunk.
             nv: degrees of freedom.
         """
-        self._left, self._chunk, self._every, self._nv = allowed, chunk, every, nv
+        self._left, self._every, self._nv = allowed, every, nv
         self._counts = counters(chunk)
-        self._chunks = max(1, every // chunk)
 
-    def counters(self, begin: int, end: int) -> Counts:
-        """Return arrays for the counts of the steps `begin` to `end`; none if these are not counted."""
-        if begin // self._chunk % self._chunks:
-            return {}
-        return {name: array[:, : end - begin] for name, array in self._counts.items()}
+    def counters(self, steps: int) -> Counts:
+        """Return arrays for the counts of the next steps."""
+        return {name: array[:, :steps] for name, array in self._counts.items()}
 
     def spend(self, counts: Counts, steps: int) -> None:
-        """Subtract the work of a counted chunk of `steps`, and as much for each uncounted one after it."""
-        if counts:
-            some = {name: array[:, :: self._every] for name, array in counts.items()}
-            self._left -= self._chunks * steps * mean_work(some, self._nv)
+        """Subtract the work of so many steps, by the counts of some of them."""
+        some = {name: array[:, :: self._every] for name, array in counts.items()}
+        self._left -= steps * mean_work(some, self._nv)
 
     @property
     def exceeded(self) -> bool:

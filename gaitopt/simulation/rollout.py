@@ -17,7 +17,6 @@ from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import seeded
 from gaitopt.effects.active import RobotEffects
 from gaitopt.effects.added import control_columns
-from gaitopt.effects.effect import loop_steps
 from gaitopt.gait.drive import Commands, Drive
 from gaitopt.problem.instruments import CONTACTS_WITHIN, build_instrumented
 from gaitopt.problem.model import with_fidelity
@@ -35,6 +34,7 @@ from gaitopt.simulation.stepping import (
     STOPPED,
     OneByOne,
     Recorded,
+    Stepper,
     Together,
     Workspace,
     stop_reason,
@@ -230,7 +230,7 @@ class Simulator:
     def _roll(
         self, workspace: Workspace, model: mujoco.MjModel, ctrl: Array, poses: bool, off: Flags | None
     ) -> Recorded:
-        """Simulate commands, one row per step, shape (n, nu), in chunks; loops act between two chunks.
+        """Simulate commands, one row per step, shape (n, nu), in chunks.
 
         Where `off` says so, shape (n, nu), an actuator is unpowered.
         """
@@ -240,18 +240,19 @@ class Simulator:
         out = {"sensordata": sensed}
         if poses:
             out["qpos"] = np.empty((steps, model.nq))
-        chunk = loop_steps(self.fidelity.timestep_s) if updates else settings.chunk
-        stepper = OneByOne(model, batch, ctrl, out) if updates else Together(batch, ctrl, out)
+        stepper: Stepper = Together(batch, ctrl, out)
+        if updates:
+            stepper = OneByOne(model, batch, ctrl, out, updates, settings.count_every)
         allowed = settings.most_work * workspace.resting_work * steps
-        budget = WorkBudget(allowed, chunk, settings.count_every, model.nv)
+        budget = WorkBudget(allowed, settings.chunk, settings.count_every, model.nv)
         switched, groups = changes_of_power(off), model.actuator_group.copy()
-        begins = sorted({*range(0, steps, chunk), *switched})
+        begins = sorted({*range(0, steps, settings.chunk), *switched})
         status = "ok"
         for begin, end in zip(begins, [*begins[1:], steps], strict=True):
             if off is not None and (begin == 0 or begin in switched):
                 switch(model, off[begin], groups)
                 batch.set_models(model)
-            counts = budget.counters(begin, end)
+            counts = budget.counters(end - begin)
             went_on = stepper.advance(begin, end, counts)
             budget.spend(counts, end - begin)
             if not went_on or budget.exceeded:
@@ -259,8 +260,6 @@ class Simulator:
                 for array in out.values():
                     array[end:] = array[end - 1]
                 break
-            for update in updates if end % chunk == 0 else ():
-                update(sensed[end - 1])
         return Recorded(sensed, out.get("qpos"), status)
 
     def _stopped(self, warnings: NDArray[np.int32]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,6 +11,7 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
+from gaitopt.effects.effect import Update, loop_steps
 from gaitopt.problem.start import START
 from gaitopt.simulation.effort import Counts, resting_work
 
@@ -121,7 +122,15 @@ class OneByOne:
     A second is thousands of calls: what a step costs in Python counts.
     """
 
-    def __init__(self, model: mujoco.MjModel, batch: Batch, ctrl: Array, out: Mapping[str, Array]):
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        batch: Batch,
+        ctrl: Array,
+        out: Mapping[str, Array],
+        updates: Sequence[Update],
+        count_every: int,
+    ):
         """Continue from where a batch of one simulation is; the batch itself stays there.
 
         Args:
@@ -129,6 +138,8 @@ class OneByOne:
             batch: the simulation, at its start.
             ctrl: commands, rad, shape (n, nu).
             out: where fields of `mujoco.MjData` are recorded, each of shape (n, ...).
+            updates: what edits the model, called after every few rows of all rows (`loop_steps`).
+            count_every: one row in this many is counted, from the first one of a call.
         """
         self._model, self._data, self._ctrl = model, batch.get_data(0), ctrl
         bits = ctrl.view(np.int64)
@@ -136,6 +147,8 @@ class OneByOne:
         self._recorded = [(array, getattr(self._data, name)) for name, array in out.items()]
         self._raised = self._data.warning.number
         self._none_raised = self._raised.tobytes()
+        self._updates, self._update_every = updates, loop_steps(model.opt.timestep)
+        self._count_every = count_every
 
     @property
     def warnings(self) -> NDArray[np.int32]:
@@ -145,31 +158,33 @@ class OneByOne:
 
     def advance(self, begin: int, end: int, counts: Counts) -> bool:
         """Simulate some rows; see `Stepper`."""
-        model, data, target, changed = self._model, self._data, self._data.ctrl, self._changed
+        model, data, ctrl, changed = self._model, self._data, self._ctrl, self._changed
         raised, none_raised = self._raised, self._none_raised
+        step, target, sensed = mujoco.mj_step, data.ctrl, data.sensordata
         for row in range(begin, end):
             if changed[row]:
-                target[:] = self._ctrl[row]
-            mujoco.mj_step(model, data)
+                target[:] = ctrl[row]
+            step(model, data)
             for array, value in self._recorded:
                 array[row] = value
-            if counts:
-                self._count(counts, row - begin)
             if raised.tobytes() != none_raised:  # in a third of the time of `any`
-                self._repeat(row, end, counts, row - begin)
+                self._repeat(row, end)
                 return False
+            if not (row - begin) % self._count_every:
+                self._count(counts, row - begin)
+            if not (row + 1) % self._update_every:
+                for update in self._updates:
+                    update(sensed)
         return True
 
     def _count(self, counts: Counts, index: int) -> None:
         for name, count in counts.items():
             count[0, index] = getattr(self._data, name)
 
-    def _repeat(self, row: int, end: int, counts: Counts, index: int) -> None:
+    def _repeat(self, row: int, end: int) -> None:
         """Let what was recorded of a row stand for the rows after it, as `Batch.rollout` does."""
         for array, _ in self._recorded:
             array[row:end] = array[row]
-        for count in counts.values():
-            count[0, index:] = count[0, index]
 
 
 def stop_reason(error: Exception) -> str:

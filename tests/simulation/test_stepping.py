@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +11,17 @@ import numpy as np
 import pytest
 import rigs
 from helpers import STRIDER, edited, problem_folder, same_bits
+from mujoco.batch import Batch
+from numpy.typing import NDArray
 
+from gaitopt.effects.effect import Update, loop_steps
 from gaitopt.gait.drive import Drive
 from gaitopt.gait.logged import LoggedCommands
 from gaitopt.optimise.quasi_random import quasi_random
 from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation import rollout
+from gaitopt.simulation.effort import Counts
 from gaitopt.simulation.rollout import RolloutSettings, Simulator
 from gaitopt.simulation.scenario import draw_scenarios
 from gaitopt.simulation.stepping import Together
@@ -31,15 +35,46 @@ GROUND: Effects = {"friction_load": {"exponent": 0.3}, "friction_direction": {"r
 PLAY: Effects = {"servo_backlash": {"half_width_rad": 0.02}, "servo_deadband": {"half_width_rad": 0.01}}
 
 
+class TogetherBetweenUpdates(Together):
+    """Steps in calls of MuJoCo's batch that end where the model is edited."""
+
+    def __init__(
+        self,
+        batch: Batch,
+        ctrl: NDArray[np.float64],
+        out: Mapping[str, NDArray[np.float64]],
+        updates: Sequence[Update],
+        _: int,
+    ):
+        super().__init__(batch, ctrl, out)
+        self._arrays, self._updates = out, updates
+        self._every = loop_steps(batch.model.opt.timestep)
+
+    def advance(self, begin: int, end: int, counts: Counts) -> bool:
+        """Simulate some rows, and repeat the last one in those that are left."""
+        row = begin
+        while row < end:
+            after = min(end, (row // self._every + 1) * self._every)
+            some = {name: one[:, row - begin : after - begin] for name, one in counts.items()}
+            if not super().advance(row, after, some):
+                for array in self._arrays.values():
+                    array[after:end] = array[after - 1]
+                return False
+            for update in self._updates if after % self._every == 0 else ():
+                update(self._arrays["sensordata"][after - 1])
+            row = after
+        return True
+
+
 def in_both_ways(
     monkeypatch: pytest.MonkeyPatch, simulator: Simulator, drive: Drive, **options: Any
 ) -> tuple[Trajectory, Trajectory]:
     """A rollout whose steps are called one by one, and the same in calls of MuJoCo's batch."""
     calls = []
 
-    def together(model: object, *arguments: Any) -> Together:
+    def together(model: object, *arguments: Any) -> TogetherBetweenUpdates:
         calls.append(model)
-        return Together(*arguments)
+        return TogetherBetweenUpdates(*arguments)
 
     one_by_one = simulator.run(drive, **options)
     with monkeypatch.context() as patched:

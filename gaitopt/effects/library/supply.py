@@ -55,8 +55,10 @@ def _sag(parts: Parts, share: float) -> Update:
 
     def update(sensed: NDArray[np.float64]) -> None:
         nonlocal drawn
-        now = min(1.0, sum(abs(sensed.item(address)) for address in addresses) / available)
-        drawn += share_new * (now - drawn)
+        now = 0.0
+        for address in addresses:
+            now += abs(sensed.item(address))
+        drawn += share_new * (min(1.0, now / available) - drawn)
         for index, end, most in ends:  # a few numbers: an array of them takes several times as long
             ranges[index] = end - drawn * most
 
