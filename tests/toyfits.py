@@ -1,5 +1,6 @@
 """Fits and sets of trials without a simulator: effects that add a known direction to white rows."""
 
+import math
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +13,7 @@ from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.diagnose.fit.single import Fit
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
 from gaitopt.effects.parts import ALL
+from gaitopt.effects.prior import Prior
 
 
 def toy_trials(
@@ -51,7 +53,7 @@ def toy_fit(
         scale="lin",
         parameter="size",
         changes_robot=True,
-        log_prior=lambda value, nominal: 0.0,
+        prior_on=lambda nominal: (Prior("normal", 0.0, math.inf, "anything goes"), 1.0),
     )
     nominal: Any = SimpleNamespace(channels=trial_set.problem.channel_names)
     hypothesis = Hypothesis(effect, target, 0.0, high, 0.0, nominal)

@@ -16,6 +16,7 @@ from gaitopt.diagnose.fit.set_search import SetSearch
 from gaitopt.diagnose.fit.settings import SETS, SetSettings
 from gaitopt.diagnose.fit.trials import Comparison
 from gaitopt.effects.parts import ALL
+from gaitopt.effects.prior import Prior
 
 Array = NDArray[np.float64]
 Response = Callable[[float], Array]
@@ -32,7 +33,7 @@ def toy_hypothesis(name: str, rough: bool = False, unusual: float = 0.0) -> Hypo
         scale="lin",
         parameter="size",
         changes_robot=True,
-        log_prior=lambda value, nominal: -0.5 * value**2,
+        prior_on=lambda nominal: (Prior("normal", 0.0, 1.0, "made up"), 1.0),
         allows=lambda value: value >= 0.0,
     )
     nominal: Any = SimpleNamespace(channels=("servo",))

@@ -184,9 +184,14 @@ class Effect:
         """Return the range and the prior on a robot, in multiples of `reference`."""
         return self.otherwise(self.acting(nominal)) or Plausible(self.low, self.high, self.prior)
 
+    def prior_on(self, nominal: Parts) -> tuple[Prior, float]:
+        """Return the prior on a robot, and the figure of that robot that it is in multiples of."""
+        return self.plausible(nominal).prior, self.reference(self.acting(nominal))
+
     def log_prior(self, value: float, nominal: Parts) -> float:
         """Return the logarithm of the prior density on a robot, up to a constant."""
-        return self.plausible(nominal).prior.log_density(value, self.reference(self.acting(nominal)))
+        prior, reference = self.prior_on(nominal)
+        return prior.log_density(value, reference)
 
     def why_not(self, nominal: Parts) -> str | None:
         """Return why the effect does not apply to a robot, or None where it does."""

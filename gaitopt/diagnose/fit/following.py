@@ -7,7 +7,7 @@ What any value of an effect does to them is then a sum.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +91,7 @@ class Following:
     angles: Array
     servos: Indices
     trials: tuple[tuple[Indices, SmallArray], ...]
+    _known: dict[tuple[float, ...], SmallArray] = field(default_factory=dict, repr=False, compare=False)
 
     @staticmethod
     def of(trial_set: TrialSet, hypothesis: Hypothesis, lags_s: Sequence[float]) -> Following:
@@ -141,11 +142,16 @@ class Following:
             (places, np.tensordot(weights, rows, axes=1).transpose(0, 2, 1)) for places, rows in self.trials
         ]
         for first in range(0, len(values), _AT_ONCE):
-            changes = self._changes(values[first : first + _AT_ONCE])
+            changes = self._changes(tuple(values[first : first + _AT_ONCE]))
             yield np.concatenate([changes[:, places] @ rows for places, rows in mixed], axis=2)
 
-    def _changes(self, values: Sequence[float]) -> SmallArray:
-        """Return what each value changes of each angle, rad, shape (values, angles)."""
+    def _changes(self, values: tuple[float, ...]) -> SmallArray:
+        """Return what each value changes of each angle, rad, shape (values, angles); the same is kept."""
+        if values not in self._known:
+            self._known[values] = self._changed(values)
+        return self._known[values]
+
+    def _changed(self, values: tuple[float, ...]) -> SmallArray:
         effect = self.hypothesis.effect
         parts = replace(self.hypothesis.nominal, target=self.hypothesis.target)
         if effect.commands is None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from gaitopt.diagnose.fit.settings import FIT, FitSettings
 from gaitopt.effects import EFFECTS, Effect
 from gaitopt.effects.active import Values
 from gaitopt.effects.parts import ALL, Parts
+from gaitopt.effects.prior import Prior
 
 _OUTSIDE = 0.25
 """How far a fit of several effects may leave the range that is searched first, in ranges."""
@@ -66,7 +68,7 @@ class Hypothesis:
         bound = self.high if share > 0.0 else self.low
         return self.neutral + abs(share) * (bound - self.neutral)
 
-    @property
+    @cached_property
     def share_limits(self) -> tuple[float, float]:
         """How far a fit may go, in ranges: beyond the searched range where the mechanism allows it."""
         ends = []
@@ -82,7 +84,12 @@ class Hypothesis:
 
     def log_prior(self, coordinate: float) -> float:
         """Return the logarithm of the prior density at a coordinate, up to a constant; at most 0."""
-        return self.effect.log_prior(self.value(coordinate), self.nominal)
+        prior, reference = self._prior
+        return prior.log_density(self.value(coordinate), reference)
+
+    @cached_property
+    def _prior(self) -> tuple[Prior, float]:  # a fit asks for it some hundred thousand times
+        return self.effect.prior_on(self.nominal)
 
     @property
     def log_target_share(self) -> float:

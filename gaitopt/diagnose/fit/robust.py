@@ -120,8 +120,14 @@ class RobustLoss:
         """Return the loss of each trial with each shared error, shape (..., errors, trials)."""
         n, v = self.rows / self.tempers, self.freedom
         fitted = (v + n) * np.log1p(squares / self._variances / self.tempers / v)
-        losses: Array = fitted + n * np.log(self._variances)
+        losses: Array = fitted + self._constants
         return losses
+
+    @cached_property
+    def _constants(self) -> Array:
+        """The part of `_losses` that does not depend on squares, shape (errors, trials)."""
+        constants: Array = self.rows / self.tempers * np.log(self._variances)
+        return constants
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ class SetFit:
         """The coordinates in ranges, shape (k,)."""
         return np.array([h.share(at) for h, at in self.point])
 
-    @property
+    @cached_property
     def limits(self) -> tuple[Array, Array]:
         """Smallest and largest coordinates, in ranges, each of shape (k,)."""
         ends = np.array([h.share_limits for h in self.hypotheses]).reshape(-1, 2)
