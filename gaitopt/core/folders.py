@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from gaitopt.core.errors import GaitoptError, MachineError
 
@@ -33,21 +34,37 @@ def not_empty(path: Path) -> GaitoptError:
 
 
 @contextmanager
-def filling(folder: Path) -> Iterator[None]:
-    """Make a folder, or take an empty one, and fill it; on an error, remove all that was written.
+def filled(folder: Path) -> Iterator[Path]:
+    """Yield an empty folder to write into, which is `folder` once all is written; an error leaves nothing.
+
+    A new folder has another name until then: even where the process is killed, it is complete or not there.
+    An empty one is filled in its place, as it may be the root of a disk.
 
     Raises:
         GaitoptError: the folder or a file cannot be written.
     """
-    made = not folder.exists()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        yield
-    except BaseException as error:
-        for path in folder.iterdir() if folder.is_dir() else ():
+        with _in_place(folder) if folder.exists() else _renamed(folder) as place:
+            yield place
+    except OSError as error:
+        raise MachineError(f"{folder}: cannot be written: {error.strerror or error}") from None
+
+
+@contextmanager
+def _in_place(folder: Path) -> Iterator[Path]:
+    try:
+        yield folder
+    except BaseException:
+        for path in folder.iterdir():
             shutil.rmtree(path) if path.is_dir() else path.unlink()
-        if made and folder.is_dir():
-            folder.rmdir()
-        if isinstance(error, OSError):
-            raise MachineError(f"{folder}: cannot be written: {error.strerror}") from None
         raise
+
+
+@contextmanager
+def _renamed(folder: Path) -> Iterator[Path]:
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
+        whole = Path(temporary) / folder.name  # with the usual rights, unlike a temporary folder
+        whole.mkdir()
+        yield whole
+        whole.rename(folder)

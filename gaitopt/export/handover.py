@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -13,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from gaitopt.core.errors import GaitoptError, bad_value, unknown_name
-from gaitopt.core.folders import check_new_or_empty
+from gaitopt.core.folders import check_new_or_empty, filled
 from gaitopt.core.numbers import number
 from gaitopt.export.files import export_files
 from gaitopt.export.format import Format
@@ -205,23 +203,9 @@ def write_folder(path: Path, texts: dict[str, str]) -> list[Path]:
         GaitoptError: the folder holds something already, or cannot be written.
     """
     check_new_or_empty(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
-        try:
-            whole = temporary / path.name
-            whole.mkdir()
-            for name, text in texts.items():
-                file = whole / name
-                file.parent.mkdir(exist_ok=True)
-                file.write_text(text, encoding="utf-8", newline="\n")
-            if not path.exists():
-                whole.rename(path)
-            else:  # an empty folder, which stays the same one
-                for item in sorted(whole.iterdir()):
-                    item.rename(path / item.name)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
-    except OSError as error:
-        raise GaitoptError(f"--out: {path}: cannot be written: {error.strerror or error}") from None
+    with filled(path) as place:
+        for name, text in texts.items():
+            file = place / name
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(text, encoding="utf-8", newline="\n")
     return [path / name for name in texts]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from pathlib import Path
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import check_replaceable, found_inside, read_toml, write_text
-from gaitopt.core.folders import check_new_or_empty, filling
+from gaitopt.core.folders import check_new_or_empty, filled
 from gaitopt.core.own_files import check_folder
 from gaitopt.jobs.outputs import writing
 from gaitopt.problem.model import assets_beside, carrying, nominal_mjcf
@@ -156,8 +157,13 @@ class _Place:
             own = problem.model_path.relative_to(problem.source.parent)
             write_text(self.path, problem.to_toml(own.as_posix()))
             return
-        with filling(self.folder) if self.is_new else nullcontext():
+        with filled(self.folder) if self.is_new else nullcontext(self.folder) as folder:
             for name, data in assets_beside(problem).items():
-                write_into(self.folder, name, data)
-            write_into(self.folder, MODEL_FILE, nominal_mjcf(problem))
+                write_into(folder, name, data)
+            write_into(folder, MODEL_FILE, nominal_mjcf(problem))
+        try:
             write_text(self.path, problem.to_toml(f"{self.folder.name}/{MODEL_FILE}"))
+        except BaseException:
+            if self.is_new:
+                shutil.rmtree(self.folder)
+            raise

@@ -14,7 +14,7 @@ import mujoco
 
 from gaitopt.core.errors import GaitoptError, bad_value
 from gaitopt.core.files import read_bytes, write_bytes, write_text
-from gaitopt.core.folders import check_new_or_empty, filling
+from gaitopt.core.folders import check_new_or_empty, filled
 from gaitopt.gait.calibration import SAFE_PINS
 from gaitopt.problem.drafting.checks import (
     check_actuators,
@@ -127,16 +127,16 @@ def make_problem(
     draft = _draft(root, mjcf, contents, missing, from_motors, family)
     if draft.changes:
         files = [path for path, _ in assets.values()]
-    with filling(folder):
+    with filled(folder) as place:
         for file in files:
-            target = folder / file.relative_to(mjcf.parent)
+            target = place / file.relative_to(mjcf.parent)
             target.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(target, read_bytes(file))
         if draft.changes:
             ET.indent(root)
-            write_text(folder / mjcf.name, ET.tostring(root, encoding="unicode") + "\n")
-        write_text(folder / PROBLEM_FILE, _text(name, mjcf.name, draft))
-        nominal_mjcf(load_problem(folder))  # what was written must be a problem
+            write_text(place / mjcf.name, ET.tostring(root, encoding="unicode") + "\n")
+        write_text(place / PROBLEM_FILE, _text(name, mjcf.name, draft))
+        nominal_mjcf(load_problem(place))  # what was written must be a problem
     return draft
 
 

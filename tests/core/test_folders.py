@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gaitopt.core.errors import GaitoptError
-from gaitopt.core.folders import check_new_or_empty, filling
+from gaitopt.core.folders import check_new_or_empty, filled
 
 
 def test_a_new_or_an_empty_folder_is_taken(tmp_path: Path) -> None:
@@ -30,10 +30,11 @@ def test_a_folder_is_filled_or_left_as_it_was(tmp_path: Path, existing: bool) ->
         folder.mkdir(parents=True)
 
     def fill(error: BaseException | None) -> None:
-        with filling(folder):
-            (folder / "inside").mkdir()
-            (folder / "inside" / "one").write_text("1")
-            (folder / "two").write_text("2")
+        with filled(folder) as place:
+            (place / "inside").mkdir()
+            (place / "inside" / "one").write_text("1")
+            (place / "two").write_text("2")
+            assert place == folder or not folder.exists()
             if error is not None:
                 raise error
 
@@ -41,7 +42,9 @@ def test_a_folder_is_filled_or_left_as_it_was(tmp_path: Path, existing: bool) ->
         fill(KeyboardInterrupt())
     assert folder.exists() == existing
     assert not existing or not list(folder.iterdir())
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["b"] * existing
     with pytest.raises(GaitoptError, match=r"b: cannot be written: No space left on device"):
         fill(OSError(28, "No space left on device"))
     fill(None)
     assert sorted(path.name for path in folder.iterdir()) == ["inside", "two"]
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["b"]

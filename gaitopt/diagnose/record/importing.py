@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import csv_text, write_text
-from gaitopt.core.folders import check_new_or_empty, filling
+from gaitopt.core.folders import check_new_or_empty, filled
 from gaitopt.core.validation import validated
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.columns import PULSE
@@ -227,12 +227,12 @@ def write_recordings(
     _check_names(imported)
     taken = {DATASET_FILE, *(f"{name}.csv" for recording in imported for name in _tables_of(recording))}
     entries = []
-    with filling(folder):
+    with filled(folder) as place:
         for recording, gait in zip(imported, each, strict=True):
-            beside = None if gait is None else gait.beside(folder, taken)
-            entries.append(_write_trial(folder, recording, beside, options))
+            beside = None if gait is None else gait.beside(place, taken)
+            entries.append(_write_trial(place, recording, beside, options))
         content = {"trial": entries}
-        write_text(folder / DATASET_FILE, tomli_w.dumps(content))
+        write_text(place / DATASET_FILE, tomli_w.dumps(content))
         validated(DataSetFile, content, folder / DATASET_FILE)
     return imported
 
