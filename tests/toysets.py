@@ -87,7 +87,7 @@ def curved(rng: np.random.Generator, rows: int, size: float) -> Response:
     return lambda value: value * first + value**2 * second
 
 
-def late(rng: np.random.Generator, rows: int, size: float) -> Response:
-    """A response that begins at 0.15, as that of a limit does."""
+def late(rng: np.random.Generator, rows: int, size: float, begins_at: float = 0.15) -> Response:
+    """A response that begins late, as that of a limit does."""
     direction = size * rng.standard_normal(rows)
-    return lambda value: max(0.0, value - 0.15) * direction
+    return lambda value: max(0.0, value - begins_at) * direction

@@ -47,17 +47,25 @@ class Tried:
 
     Attributes:
         fit: the set with the effect, at its neutral value.
-        share: where it was tried, as a share of the way from neutral to a bound, signed by the side.
+        share: where it was tried, as a share of the way from neutral to a bound, signed by the side,
+        robot: and the robot there.
         expected: score that the slopes predict.
     """
 
     fit: SetFit
     share: float
+    robot: Comparison
     expected: float
 
     @property
     def hypothesis(self) -> Hypothesis:
         return self.fit.hypotheses[-1]
+
+    @property
+    def distance(self) -> float:
+        """How far from neutral it was tried, in ranges."""
+        h = self.hypothesis
+        return abs(h.share(h.coordinate_along(self.share)) - h.share(h.neutral))
 
 
 @dataclass
@@ -118,7 +126,7 @@ class Beside:
         best: dict[str, Tried] = {}
         for place, robot in shown:
             beside = self.with_one_more(fit, place.hypothesis, place.at, robot)
-            one = Tried(beside, place.share, self.fitter.expected_score(beside))
+            one = Tried(beside, place.share, robot, self.fitter.expected_score(beside))
             name = place.hypothesis.name
             if name not in best or one.expected < best[name].expected:
                 best[name] = one

@@ -159,16 +159,30 @@ class SetSearch:
         tried = self._beside.tried(fit)
         if not tried:
             return fit
-        work = [
-            one.fit if one.hypothesis.effect.rough else replace(one.fit, radius=self.settings.first_radius)
-            for one in tried[: self.settings.started]
-        ]
+        work = [begun for one in tried[: self.settings.started] for begun in self._begun(one)]
         return self._fitted(work, self.settings.refined)
+
+    def _begun(self, one: Tried) -> list[SetFit]:
+        """Return a set with one more effect as its fits begin.
+
+        A fit from the neutral value may not reach where the effect was tried, and a limit changes nothing on
+        most of that way: then another fit sets out from there.
+        """
+        if one.hypothesis.effect.rough:
+            return [one.fit]
+        first = self.settings.first_radius
+        begun = [one.fit]
+        if not self.settings.centred and one.distance > first:
+            begun.append(self.fitter.at_robot(one.fit, one.robot))
+        return [replace(fit, radius=first) for fit in begun]
 
     def _fitted(self, work: Sequence[SetFit], refined: int) -> SetFit:
         """Return the best of some sets after all were fitted roughly and the best `refined` of them well."""
         rough = self._kept(self.fitter.descend(work, self.settings.rough_rounds))
-        order = sorted(rough, key=self.fitter.score)
+        best: dict[frozenset[str], SetFit] = {}  # of each set the best of its fits
+        for fit in sorted(rough, key=self.fitter.score):
+            best.setdefault(fit.names, fit)
+        order = list(best.values())
         leading = order[:refined]
         fine = self._kept(self._refined(leading))
         return min([*fine, *order], key=self.fitter.score)

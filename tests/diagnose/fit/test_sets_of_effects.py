@@ -95,6 +95,18 @@ def test_an_effect_alone_is_found_and_sized(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_limit_that_acts_only_far_from_neutral_is_found_and_sized(seed: int) -> None:
+    """The first step of a fit must not end where the limit does nothing yet: it would stay there."""
+    rng = seeded(seed)
+    responses = {"limit": late(rng, ROWS, 20.0, begins_at=0.6)}
+    responses |= {f"effect_{i}": curved(rng, ROWS, 8.0) for i in range(4)}
+    measured = rng.standard_normal(ROWS) + responses["limit"](0.75)
+    best = ToyBench(responses, measured, TRIALS).search().run()[0]
+    assert best.names == {"limit"}
+    assert best.shares[0] == pytest.approx(0.75, abs=0.03)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
 def test_three_effects_are_found_and_sized(seed: int) -> None:
     planted = {"effect_0": 0.4, "effect_2": 0.7, "effect_7": 0.3}
     best = bench(planted, seed).search().run()[0]
