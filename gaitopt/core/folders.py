@@ -66,5 +66,8 @@ def _renamed(folder: Path) -> Iterator[Path]:
     with TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
         whole = Path(temporary) / folder.name  # with the usual rights, unlike a temporary folder
         whole.mkdir()
-        yield whole
+        try:
+            yield whole
+        except GaitoptError as error:  # says the name that the user knows
+            raise type(error)(str(error).replace(str(whole), str(folder))) from None
         whole.rename(folder)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gaitopt.core.errors import GaitoptError
+from gaitopt.core.errors import GaitoptError, MachineError
 from gaitopt.core.folders import check_new_or_empty, filled
 
 
@@ -48,3 +48,11 @@ def test_a_folder_is_filled_or_left_as_it_was(tmp_path: Path, existing: bool) ->
     fill(None)
     assert sorted(path.name for path in folder.iterdir()) == ["inside", "two"]
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["b"]
+
+
+def test_an_error_says_the_name_that_the_user_knows(tmp_path: Path) -> None:
+    folder = tmp_path / "new"
+    with pytest.raises(MachineError) as error, filled(folder) as place:
+        raise MachineError(f"{place / 'one'}: cannot be written: No space left on device")
+    assert str(error.value) == f"{folder / 'one'}: cannot be written: No space left on device"
+    assert not list(tmp_path.iterdir())
