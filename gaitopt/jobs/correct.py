@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -161,9 +160,4 @@ class _Place:
             for name, data in assets_beside(problem).items():
                 write_into(folder, name, data)
             write_into(folder, MODEL_FILE, nominal_mjcf(problem))
-        try:
             write_text(self.path, problem.to_toml(f"{self.folder.name}/{MODEL_FILE}"))
-        except BaseException:
-            if self.is_new:
-                shutil.rmtree(self.folder)
-            raise

@@ -64,8 +64,7 @@ class Tried:
     @property
     def distance(self) -> float:
         """How far from neutral it was tried, in ranges."""
-        h = self.hypothesis
-        return abs(h.share(h.coordinate_along(self.share)) - h.share(h.neutral))
+        return abs(self.hypothesis.moved(float(self.robot.at[-1])))
 
 
 @dataclass
@@ -134,7 +133,7 @@ class Beside:
 
     def with_one_more(self, fit: SetFit, hypothesis: Hypothesis, at: float, robot: Comparison) -> SetFit:
         """Return a set with one more effect, and how far the robot with it shows where that may go."""
-        moved = abs(hypothesis.share(at) - hypothesis.share(hypothesis.neutral))
+        moved = abs(hypothesis.moved(at))
         rough = hypothesis.effect.rough
         reach = self.settings.difference if rough else moved * self.settings.beyond
         return replace(self.fitter.with_effect(fit, hypothesis, at, robot), radius=reach)

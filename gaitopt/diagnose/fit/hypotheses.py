@@ -59,6 +59,10 @@ class Hypothesis:
         """Return a coordinate in ranges: 0 at the lower bound, 1 at the upper one."""
         return (coordinate - self.low) / (self.high - self.low)
 
+    def moved(self, coordinate: float) -> float:
+        """Return how far a coordinate is from neutral, in ranges, signed."""
+        return self.share(coordinate) - self.share(self.neutral)
+
     def coordinate_at(self, share: float) -> float:
         """Return the coordinate at a share of the range."""
         return self.low + share * (self.high - self.low)

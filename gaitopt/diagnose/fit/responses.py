@@ -41,11 +41,10 @@ class SingleResponses:
             robot: the trials compared with the other robot.
             hypothesis: the effect.
         """
-        neutral = hypothesis.share(hypothesis.neutral)
         return [
             (at, self._sum(robot, one, at))
             for at, one in self.robots.get(hypothesis.name, ())
-            if abs(hypothesis.share(at) - neutral) > _NEUTRAL
+            if abs(hypothesis.moved(at)) > _NEUTRAL
         ]
 
     def likest(

@@ -146,7 +146,7 @@ class SetFitter:
             at: a coordinate of it.
             robot: the robot of the set with the effect at that coordinate.
         """
-        moved = hypothesis.share(at) - hypothesis.share(hypothesis.neutral)
+        moved = hypothesis.moved(at)
         column = (robot.whitened - fit.robot.whitened) / moved
         samples = (_samples(robot) - _samples(fit.robot)) / moved
         neutral = replace(fit.robot, at=np.append(fit.robot.at, hypothesis.neutral))
