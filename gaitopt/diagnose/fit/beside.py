@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
+from gaitopt.core.firsts import firsts
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.proposals import Proposals
 from gaitopt.diagnose.fit.responses import SingleResponses
@@ -104,10 +105,8 @@ class Beside:
         if self.alone is None:
             self.first, self.alone = best, _alone(fit, shown)
         self.last |= best
-        firsts: dict[str, Tried] = {}
-        for one in sorted(best.values(), key=lambda one: (one.expected, one.hypothesis.name)):
-            firsts.setdefault(one.hypothesis.effect.name, one)
-        return list(firsts.values())
+        order = sorted(best.values(), key=lambda one: (one.expected, one.hypothesis.name))
+        return firsts(order, lambda one: one.hypothesis.effect.name)
 
     def placed(self, fit: SetFit, hypothesis: Hypothesis) -> SetFit | None:
         """Return a set with one more effect where that is best; None where it cannot be simulated."""

@@ -22,6 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.core.firsts import firsts
 from gaitopt.diagnose.fit.beside import Beside, Tried
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.proposals import Proposals
@@ -120,11 +121,12 @@ class SetSearch:
 
         Effects with a rough response are left out: a fit that starts far off ends in one of their jumps.
         """
-        first: dict[str, Tried] = {}
-        for one in sorted(self._beside.first.values(), key=lambda one: one.expected):
-            if not one.hypothesis.effect.rough:
-                first.setdefault(one.hypothesis.effect.name, one)
-        order = sorted(first.values(), key=lambda one: one.hypothesis.effect.name not in grown.effects)
+        smooth = [one for one in self._beside.first.values() if not one.hypothesis.effect.rough]
+        promising = sorted(smooth, key=lambda one: one.expected)
+        order = sorted(
+            firsts(promising, lambda one: one.hypothesis.effect.name),
+            key=lambda one: one.hypothesis.effect.name not in grown.effects,
+        )
         begun = [
             (one.hypothesis, one.hypothesis.coordinate_along(math.copysign(share, one.share)))
             for one in order[: self.settings.widest_set]
@@ -179,13 +181,9 @@ class SetSearch:
     def _fitted(self, work: Sequence[SetFit], refined: int) -> SetFit:
         """Return the best of some sets after all were fitted roughly and the best `refined` of them well."""
         rough = self._kept(self.fitter.descend(work, self.settings.rough_rounds))
-        best: dict[frozenset[str], SetFit] = {}  # of each set the best of its fits
-        for fit in sorted(rough, key=self.fitter.score):
-            best.setdefault(fit.names, fit)
-        order = list(best.values())
-        leading = order[:refined]
-        fine = self._kept(self._refined(leading))
-        return min([*fine, *order], key=self.fitter.score)
+        best_of_each = firsts(sorted(rough, key=self.fitter.score), lambda fit: fit.names)
+        fine = self._kept(self._refined(best_of_each[:refined]))
+        return min([*fine, *best_of_each], key=self.fitter.score)
 
     def _refined(self, fits: Sequence[SetFit]) -> list[SetFit]:
         return self.fitter.descend(self.fitter.measure_slopes(fits), self.settings.fine_rounds)
@@ -285,10 +283,10 @@ class SetSearch:
                 if robot is not None and cosine >= self.settings.alike:
                     likes.append(self._beside.with_one_more(smaller, h, at, robot))
             fresh = [one for one in likes if one.names not in self.found]
-            firsts: dict[str, SetFit] = {}  # each effect on its best target
-            for one in sorted(fresh, key=self.fitter.expected_score):
-                firsts.setdefault(one.effects[-1], one)
-            found += [*firsts.values()][: self.settings.twins]
+            on_best_targets = firsts(
+                sorted(fresh, key=self.fitter.expected_score), lambda one: one.effects[-1]
+            )
+            found += on_best_targets[: self.settings.twins]
         return found
 
     def _finish(self) -> None:

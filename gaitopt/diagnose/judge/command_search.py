@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gaitopt.core.firsts import firsts
 from gaitopt.diagnose.judge.command_score import CommandScorer, Separation
 from gaitopt.diagnose.judge.command_settings import COMMANDS, CommandSettings
 from gaitopt.effects.parts import ALL
@@ -120,10 +121,10 @@ class CommandSearch:
 
 def best_of_each(found: Sequence[ScoredCommands]) -> list[ScoredCommands]:
     """Return the best commands of each shape, channel and side, the best first."""
-    best: dict[tuple[str, str, bool], ScoredCommands] = {}
-    for one in sorted(found, key=_rank):
-        best.setdefault((one.made.shape.name, one.made.channel, one.made.size.share > 0.0), one)
-    return list(best.values())
+    return firsts(
+        sorted(found, key=_rank),
+        lambda one: (one.made.shape.name, one.made.channel, one.made.size.share > 0.0),
+    )
 
 
 def _rank(one: ScoredCommands) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.core.firsts import firsts
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.responses import SingleResponses
 from gaitopt.diagnose.fit.robust import WideLoss
@@ -223,13 +224,8 @@ def _with_fits_of(
         heads: the fits of single effects to the beginnings.
         context: simulates robots; settings.
     """
-    points: dict[str, tuple[Hypothesis, float]] = {}
-    for fit in fits:
-        for hypothesis, at in fit.point:
-            points.setdefault(
-                hypothesis.name, (hypothesis, float(np.clip(at, hypothesis.low, hypothesis.high)))
-            )
-    first = [*points.values()][: context.settings.gait_sets.promising]
+    points = [(h, float(np.clip(at, h.low, h.high))) for fit in fits for h, at in fit.point]
+    first = firsts(points, lambda point: point[0].name)[: context.settings.gait_sets.promising]
     best = {head.hypothesis.name: head.best() for head in heads}
     alone = {(h.name, at): (h, at) for h, one in first for at in (one, best[h.name]) if at != h.neutral}
     initial, stage = wide.trial_set.initial, context.runner.stage(FITTING_SETS)

@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.core.firsts import firsts
 from gaitopt.diagnose.fit.schedule import finish
 from gaitopt.diagnose.fit.single import Fit
 from gaitopt.diagnose.fit.trials import Comparison, TrialSet
@@ -140,13 +141,11 @@ class Judgement:
 
     def _contenders(self) -> list[Candidate]:
         """Return the first of the candidates that the data cannot rule out, each with other effects."""
-        chosen: dict[frozenset[str], Candidate] = {}
         ranking, settings = self.ranking, self.settings
         limit = settings.evidence.in_set * float(ranking.probabilities[0])
-        for candidate, chance in zip(ranking.candidates, ranking.probabilities.tolist(), strict=True):
-            if chance >= limit and len(chosen) < settings.covariance.contenders:
-                chosen.setdefault(frozenset(candidate.names), candidate)
-        return list(chosen.values())
+        ranked = zip(ranking.candidates, ranking.probabilities.tolist(), strict=True)
+        likely = [candidate for candidate, chance in ranked if chance >= limit]
+        return firsts(likely, lambda one: frozenset(one.names))[: settings.covariance.contenders]
 
     def rewhitened(self, trial_set: TrialSet) -> Judgement:
         """Return the same judgement with the trials whitened by another covariance."""
