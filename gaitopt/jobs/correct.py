@@ -141,7 +141,8 @@ class _Place:
             raise GaitoptError(f"{folder}: found a link; allowed: a folder for the model")
         if folder.is_dir():
             check_folder(folder)
-        own = path.is_file() and read_toml(path).get("model") == f"{folder.name}/{MODEL_FILE}"
+        named = path.is_file() and read_toml(path).get("model") == f"{folder.name}/{MODEL_FILE}"
+        own = named and folder.is_dir()
         if not own:
             check_new_or_empty(folder)
         return _Place(path, folder, not own)

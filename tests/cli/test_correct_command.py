@@ -79,6 +79,14 @@ def test_the_same_command_again_replaces_its_own_files_alone(gaitopt: Run, bench
     assert (Path("other") / "model.xml").read_text() == "mine"
 
 
+def test_a_model_folder_that_is_gone_is_written_again(gaitopt: Run, bench: Path) -> None:
+    assert gaitopt("correct", "arcfold", bench)[0] == 0
+    (Path("arcfold-corrected") / "model.xml").unlink()
+    Path("arcfold-corrected").rmdir()
+    assert gaitopt("correct", "arcfold", bench)[0] == 0
+    assert load_problem("arcfold-corrected.toml").model_path.is_file()
+
+
 def test_what_is_read_is_not_overwritten(gaitopt: Run, bench: Path) -> None:
     robot = problem_folder(Path("robot"), STRIDER)
     for out in (robot / "problem.toml", robot / "strider.xml"):
