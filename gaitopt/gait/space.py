@@ -23,18 +23,22 @@ class ChannelSpace:
         amplitude_deg: signed amplitudes allowed; at most the width of `range_deg`.
         duty: duty factors allowed.
         smoothing: smoothing allowed.
+        middle_deg: where the middle between both ends of a wave may be, as far as the travel allows.
     """
 
     range_deg: Range
     amplitude_deg: Range
     duty: Range
     smoothing: Range
+    middle_deg: Range = (-math.inf, math.inf)
 
     def offset_deg(self, amplitude_deg: float) -> Range:
         """Return the offsets that keep a wave of this amplitude inside the servo's travel."""
         low, high = self.range_deg
         low, high = low - min(0.0, amplitude_deg), high - max(0.0, amplitude_deg)
-        return low, max(low, high)
+        high = max(low, high)
+        first, last = (min(max(middle - 0.5 * amplitude_deg, low), high) for middle in self.middle_deg)
+        return first, last
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,16 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gaitopt.gait.gait import Channel, Gait
 from gaitopt.gait.space import ChannelSpace, GaitSpace, Range, Variable
+
+_UNEVEN = 0.1
+"""How uneven a nearly even wave is: share of a cycle for its duty, of half of the travel for its middle."""
 
 
 @dataclass(frozen=True)
@@ -72,21 +76,29 @@ class TiedSpace:
         full: the space of all gaits.
         followers: how each channel follows; a free one follows itself.
         shifts: bounds of the shifts that are chosen, cycles.
+        middles: channels whose waves are nearly the same to both sides of these angles, deg.
     """
 
     name: str
     full: GaitSpace
     followers: Mapping[str, Follower]
     shifts: Mapping[str, Range]
+    middles: Mapping[str, float] = field(default_factory=dict)
 
     @staticmethod
-    def of(name: str, full: GaitSpace, ties: Mapping[str, Tie], shifts: Mapping[str, Range]) -> TiedSpace:
+    def of(
+        name: str,
+        full: GaitSpace,
+        ties: Mapping[str, Tie],
+        shifts: Mapping[str, Range],
+        middles: Mapping[str, float] = MappingProxyType({}),
+    ) -> TiedSpace:
         """Return the space of ties.
 
         Raises:
             ValueError: channels are tied in a circle, or a channel can do nothing that its leader can.
         """
-        space = TiedSpace(name, full, {c: _follower(c, ties) for c in full.channels}, shifts)
+        space = TiedSpace(name, full, {c: _follower(c, ties) for c in full.channels}, shifts, middles)
         space.free  # noqa: B018  its bounds are checked
         return space
 
@@ -97,9 +109,9 @@ class TiedSpace:
         for name in self.full.channels:
             if self.followers[name].leader == name:
                 followers = [c for c, follower in self.followers.items() if follower.leader == name]
-                channels[name] = _common(
-                    name, [(self.full.channels[c], self.followers[c].sign) for c in followers]
-                )
+                common = _common(name, [(self.full.channels[c], self.followers[c].sign) for c in followers])
+                middle = self.middles.get(name)
+                channels[name] = common if middle is None else _nearly_even(common, middle)
         return replace(self.full, channels=channels)
 
     @property
@@ -186,6 +198,14 @@ def _common(name: str, followers: list[tuple[ChannelSpace, int]]) -> ChannelSpac
         within((_opposite(space.duty, 1.0, sign) for space, sign in followers), "duty"),
         within((space.smoothing for space, _ in followers), "smoothing"),
     )
+
+
+def _nearly_even(space: ChannelSpace, middle_deg: float) -> ChannelSpace:
+    """Return what a channel may do to both sides of an angle nearly alike, as far as its bounds allow."""
+    low, high = space.range_deg
+    aside = _UNEVEN * 0.5 * (high - low)
+    shortest, longest = (min(max(0.5 + side * _UNEVEN, space.duty[0]), space.duty[1]) for side in (-1, 1))
+    return replace(space, duty=(shortest, longest), middle_deg=(middle_deg - aside, middle_deg + aside))
 
 
 def _opposite(range_: Range, whole: float, sign: int) -> Range:

@@ -130,7 +130,8 @@ class Problem:
     @cached_property
     def tied_spaces(self) -> Sequence[TiedSpace]:
         """The smaller gait spaces with which a search begins, one for each template; none without ties."""
-        return tied_spaces(self.file.gait, self.space) if self.file.gait else ()
+        gait = self.file.gait
+        return tied_spaces(gait, self.space, self.file.start.ctrl_deg) if gait else ()
 
     @property
     def objective(self) -> Objective:

@@ -290,7 +290,7 @@ class ProblemFile(FileRecord):
         for name, channel in self.channels.items():
             if channel.amplitude_deg is None:
                 raise ValueError(f"channels.{name}.amplitude_deg: missing; [gait] needs it")
-        tied_spaces(gait, self.gait_space(gait))
+        tied_spaces(gait, self.gait_space(gait), self.start.ctrl_deg)
 
     def gait_space(self, gait: GaitBounds) -> GaitSpace:
         """Return the gait space of a search within bounds."""

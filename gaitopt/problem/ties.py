@@ -70,12 +70,15 @@ class GaitBounds(FileRecord):
     freed_share: Annotated[float, Field(strict=True, ge=0.0, le=0.9)] | None = None
 
 
-def tied_spaces(gait: GaitBounds, full: GaitSpace) -> list[TiedSpace]:
+def tied_spaces(gait: GaitBounds, full: GaitSpace, start_deg: Mapping[str, float]) -> list[TiedSpace]:
     """Return the spaces with which a search begins: one for each template, or that of the ties.
+
+    An undulation is the same to both sides of a straight body: else it only steers.
 
     Args:
         gait: the file's ``[gait]``.
         full: the space of all gaits.
+        start_deg: targets before the gait, deg, by channel; 0 where a channel is not named.
 
     Raises:
         ValueError: a name is unknown, legs differ, or ties contradict each other.
@@ -87,9 +90,13 @@ def tied_spaces(gait: GaitBounds, full: GaitSpace) -> list[TiedSpace]:
         return [TiedSpace.of("ties", full, ties, shifts)] if ties else []
     spaces = []
     for template in gait.templates:
-        made = _wave(gait, list(full.channels)) if template == UNDULATION else _phased(gait, template)
-        chosen = {LAG: (-0.5, 0.5)} | shifts if template == UNDULATION else shifts
-        spaces.append(TiedSpace.of(template, full, made | ties, chosen))
+        if template == UNDULATION:
+            spine = (gait.legs or {}).get(SPINE, list(full.channels))
+            made, middles = _wave(spine, gait.mirrored or ()), {spine[0]: start_deg.get(spine[0], 0.0)}
+            chosen = {LAG: (-0.5, 0.5)} | shifts
+        else:
+            made, middles, chosen = _phased(gait, template), {}, shifts
+        spaces.append(TiedSpace.of(template, full, made | ties, chosen, middles))
     return spaces
 
 
@@ -148,10 +155,8 @@ def _phased(gait: GaitBounds, template: str) -> dict[str, Tie]:
     return ties
 
 
-def _wave(gait: GaitBounds, channels: Sequence[str]) -> dict[str, Tie]:
+def _wave(spine: Sequence[str], mirrored: Sequence[str]) -> dict[str, Tie]:
     """Return the ties of a wave along the body: each joint moves like the one before it, a lag later."""
-    spine = (gait.legs or {}).get(SPINE, list(channels))
-    mirrored = set(gait.mirrored or ())
     return {
         name: Tie(before, 0.0, LAG, -1, (name in mirrored) != (before in mirrored))
         for before, name in pairwise(spine)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gaitopt.gait.space import ChannelSpace, GaitSpace
 from gaitopt.problem.ties import TEMPLATES, GaitBounds, tied_spaces
@@ -29,7 +31,7 @@ def bounds(**keys: object) -> GaitBounds:
 
 def phases(template: str, legs: dict[str, list[str]], full: GaitSpace) -> dict[str, float]:
     """The phase of each leg's first joint in a template."""
-    (space,) = tied_spaces(bounds(templates=[template], legs=legs), full)
+    (space,) = tied_spaces(bounds(templates=[template], legs=legs), full, {})
     gait = space.decode(0.5 + 0.0 * space.circular)
     return {leg: gait.channels[names[0]].phase for leg, names in legs.items()}
 
@@ -61,7 +63,7 @@ def test_in_a_walk_the_fore_follows_the_hind_of_its_side_a_quarter_later() -> No
 
 def test_an_undulation_is_one_wave_and_a_lag() -> None:
     full = GaitSpace((0.2, 2.0), {f"j{i}": SPACE for i in range(6)})
-    (space,) = tied_spaces(bounds(templates=["undulation"], mirrored=["j3"]), full)
+    (space,) = tied_spaces(bounds(templates=["undulation"], mirrored=["j3"]), full, {})
     assert [variable.name for variable in space.variables][-1] == "shifts.lag"
     assert len(space.variables) == 6
     gait = space.decode(np.array([0.5, 0.5, 0.5, 0.5, 0.5, 0.7]))
@@ -71,6 +73,34 @@ def test_an_undulation_is_one_wave_and_a_lag() -> None:
     assert gait.channels["j3"].offset_deg == pytest.approx(
         -gait.channels["j0"].offset_deg - gait.channels["j0"].amplitude_deg
     )
+
+
+@given(st.lists(st.floats(-0.5, 1.5), min_size=6, max_size=6).map(np.array))
+def test_an_undulation_is_nearly_the_same_to_both_sides_of_the_start(point: np.ndarray) -> None:
+    full = GaitSpace((0.2, 2.0), {f"j{i}": SPACE for i in range(6)})
+    start = {f"j{i}": -5.0 if i == 3 else 5.0 for i in range(6)}
+    (space,) = tied_spaces(bounds(templates=["undulation"], mirrored=["j3"]), full, start)
+    for name, channel in space.decode(point).channels.items():
+        low, high = channel.extremes_deg
+        assert -40.0 - 1e-9 <= low <= high <= 40.0 + 1e-9
+        assert abs(channel.duty - 0.5) <= 0.1 + 1e-9
+        assert abs(channel.offset_deg + 0.5 * channel.amplitude_deg - start[name]) <= 4.0 + 1e-9
+    assert space.free.channels["j0"].duty == pytest.approx((0.4, 0.6))
+    inside = np.clip(point, 0.0, 1.0)
+    again = space.project(space.lift(np.array([inside])))
+    assert space.decode(again[0]).targets(np.linspace(0.0, 1.0, 9), 0.0) == pytest.approx(
+        space.decode(inside).targets(np.linspace(0.0, 1.0, 9), 0.0), abs=1e-6
+    )
+
+
+def test_an_undulation_that_cannot_be_even_is_as_even_as_its_bounds_allow() -> None:
+    aside = ChannelSpace((10.0, 40.0), (20.0, 30.0), (0.7, 0.9), (0.0, 1.0))
+    full = GaitSpace((0.2, 2.0), {f"j{i}": aside for i in range(3)})
+    (space,) = tied_spaces(bounds(templates=["undulation"]), full, {})
+    for share in (0.0, 1.0):
+        channel = space.decode(np.full(6, share)).channels["j0"]
+        assert channel.duty == pytest.approx(0.7)
+        assert channel.extremes_deg[0] == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize(
@@ -93,5 +123,5 @@ def test_an_undulation_is_one_wave_and_a_lag() -> None:
 )  # fmt: skip
 def test_one_line_says_what_is_wrong(keys: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError, match=r".") as caught:
-        tied_spaces(bounds(**keys), QUADRUPED)
+        tied_spaces(bounds(**keys), QUADRUPED, {})
     assert said in str(caught.value)
