@@ -12,6 +12,9 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
 
 from gaitopt.core.firsts import firsts
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
@@ -104,7 +107,8 @@ class Beside:
         best = self._best(fit, shown)
         if self.alone is None:
             self.first, self.alone = best, _alone(fit, shown)
-        self.last |= best
+        score = self.fitter.score(fit)
+        self.last |= {n: one for n, one in best.items() if n not in self.last or one.expected < score}
         order = sorted(best.values(), key=lambda one: (one.expected, one.hypothesis.name))
         return firsts(order, lambda one: one.hypothesis.effect.name)
 
@@ -117,7 +121,13 @@ class Beside:
     def _shown(self, fit: SetFit, places: Sequence[_Place]) -> list[tuple[_Place, Comparison]]:
         """Return the robots at some places, and at those that were learnt from them."""
         shown = self._simulated_at(fit, places)
-        return shown + self._simulated_at(fit, self._learn(fit, shown))
+        shown += self._simulated_at(fit, self._learn(fit, shown))
+        for _ in range(self.settings.nearer):
+            better = self._between(shown)
+            if not better:
+                break
+            shown += self._simulated_at(fit, better)
+        return shown
 
     def _best(self, fit: SetFit, shown: Iterable[tuple[_Place, Comparison]]) -> dict[str, Tried]:
         """Return the best place of each effect, by the name of its hypothesis."""
@@ -205,6 +215,44 @@ class Beside:
             shares = [] if known else self.proposals.shares(fit, hypothesis)
             found += [_Place.along(hypothesis, share) for share in shares]
         return found
+
+    def _between(self, shown: Iterable[tuple[_Place, Comparison]]) -> list[_Place]:
+        """Return better places of effects, between two where they were tried.
+
+        A limit does little up to where it is reached, and soon far more than is recorded. Then what it
+        does at either place, made larger or smaller, is not what it does between them.
+        """
+        sides: dict[tuple[str, bool], list[tuple[_Place, Comparison]]] = {}
+        for place, robot in shown:
+            if not place.hypothesis.effect.rough:
+                sides.setdefault((place.hypothesis.name, place.share > 0.0), []).append((place, robot))
+        found = []
+        for own in sides.values():
+            own.sort(key=lambda one: abs(one[0].share))
+            least = min(self.fitter.loss.total(robot.whitened) for _, robot in own)
+            expected = [self._best_between(*pair) for pair in pairwise(own)]
+            loss, share = min(expected, default=(math.inf, 0.0))
+            if loss < least - self.settings.price:
+                found.append(_Place.along(own[0][0].hypothesis, share))
+        return found
+
+    def _best_between(
+        self, near: tuple[_Place, Comparison], far: tuple[_Place, Comparison]
+    ) -> tuple[float, float]:
+        """Return the least loss between two places, if what changes grows evenly from one to the other.
+
+        Returns:
+            The loss, and the share where it is.
+        """
+        (begin, start), (end, stop) = near, far
+        change = stop.whitened - start.whitened
+        return min(
+            (
+                self.fitter.loss.total(start.whitened + way * change),
+                begin.share + way * (end.share - begin.share),
+            )
+            for way in np.linspace(0.0, 1.0, self.settings.between)[1:-1].tolist()
+        )
 
     def _simulated_at(self, fit: SetFit, places: Sequence[_Place]) -> list[tuple[_Place, Comparison]]:
         """Return the robots of a set with one more effect each, those that can be simulated."""

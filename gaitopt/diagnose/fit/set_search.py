@@ -18,6 +18,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +85,7 @@ class SetSearch:
         if best.hypotheses and self._falls_short(best):
             self._all_together(best)
         self._fit_twins()
+        self._fit_merged()
         self._finish()
         return self.ranked
 
@@ -288,6 +290,36 @@ class SetSearch:
             )
             found += on_best_targets[: self.settings.twins]
         return found
+
+    def _fit_merged(self) -> None:
+        """Replace two effects of the best set by one that alone does nearly what both do, where that pays.
+
+        In turn they do not give way to it: beside either one it does too much.
+        """
+        responses = self._beside.alone if self.responses is None else None
+        while responses is not None:
+            best = self.ranked[0]
+            merged = self._kept(self._refined(self.fitter.placed(self._merged(best, responses))))
+            better = min(merged, key=self.fitter.score, default=best)
+            if self.fitter.score(better) >= self.fitter.score(best):
+                return
+            self._pruned(better)
+
+    def _merged(self, fit: SetFit, responses: SingleResponses) -> list[Point]:
+        """Return sets in which two effects gave way to one, each effect for those that it is likest to."""
+        pairs = combinations(self._droppable(fit), 2)
+        smaller = [self.fitter.without_effect(self.fitter.without_effect(fit, j), i) for i, j in pairs]
+        others = [h for h in self.hypotheses if h.effect.name not in fit.effects]
+        found: list[tuple[float, Point]] = []
+        for one in self._simulated(smaller):
+            for h in others:
+                at, _, cosine = responses.likest(one.robot, fit.robot, h)
+                if cosine >= self.settings.like_two:
+                    found.append((cosine, [*one.point, (h, at)]))
+        found.sort(key=lambda one: -one[0])
+        likest = [point for _, point in firsts(found, lambda one: one[1][-1][0].effect.name)]
+        fresh = [one for one in likest if frozenset(h.name for h, _ in one) not in self.found]
+        return fresh[: self.settings.merged]
 
     def _finish(self) -> None:
         """Fit the leading sets well, so that sets are compared by what they can do."""

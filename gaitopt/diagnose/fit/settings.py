@@ -188,6 +188,8 @@ class SetSettings:
         screened: shares of the way from neutral to each bound at which an effect is tried first.
         screened_rough: the same for an effect with a rough response, which is fitted from the best of them,
             where `Proposals` cannot say more.
+        between: parts of the way from one place of an effect to the next at which losses are predicted,
+        nearer: times that an effect is tried where the least loss is predicted.
         beyond: how far an effect is expected to go, in multiples of where it was tried.
         centred: whether a fit begins where an effect was tried, if it is better there than without it: a
             response that jumps has valleys, and slopes lead to the nearest one.
@@ -204,6 +206,8 @@ class SetSettings:
         exchanges: number of exchanges after an addition, at most.
         alike: cosine from which an effect does nearly the same as one of the best set: so it takes its place.
         twins: effects that take the place of each effect so, at most.
+        like_two: cosine from which one effect does nearly the same as two of the best set together,
+        merged: and sets with it in their place that are fitted, at most.
         begun: a search sets out from so many sets at most,
         begun_within: those of an earlier search score at most this much worse than its best.
         leading: sets that score at most this much worse than the best are finished,
@@ -249,6 +253,8 @@ class SetSettings:
     worth: float = 1.0
     screened: tuple[float, ...] = (0.1, 0.35, 0.8)
     screened_rough: tuple[float, ...] = tuple(0.08 * k for k in range(1, 13))
+    between: int = 11
+    nearer: int = 3
     beyond: float = 1.6
     centred: bool = False
     promising: int = 10
@@ -263,6 +269,8 @@ class SetSettings:
     exchanges: int = 2
     alike: float = 0.6
     twins: int = 2
+    like_two: float = 0.9
+    merged: int = 4
     begun: int = 4
     begun_within: float = 24.0
     leading: float = 12.0

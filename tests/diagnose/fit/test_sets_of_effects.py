@@ -107,6 +107,43 @@ def test_a_limit_that_acts_only_far_from_neutral_is_found_and_sized(seed: int) -
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_limit_is_tried_between_doing_nothing_and_doing_too_much(seed: int) -> None:
+    """What it does far beyond is no larger form of what it does near where it is reached."""
+    rng = seeded(seed)
+    near, far = 40.0 * rng.standard_normal((2, ROWS))
+
+    def limit(value: float) -> np.ndarray:
+        beyond = max(0.0, value - 0.4)
+        return beyond * near + 4.0 * beyond**2 * far
+
+    toy = ToyBench({"limit": limit}, rng.standard_normal(ROWS) + limit(0.55), TRIALS)
+    search = toy.search()
+    (tried,) = search._beside.tried(search.fitter.empty(toy.nominal))
+    assert tried.share == pytest.approx(0.55, abs=0.06)
+    assert toy.simulated <= 6  # three places at first
+
+
+def test_one_effect_takes_the_place_of_two_that_do_the_same_together() -> None:
+    """One by one neither gives way to it: beside the other one it does too much."""
+    rng = seeded(1)
+    first, second, own = 8.0 * rng.standard_normal((3, ROWS))
+    responses = {
+        "both": lambda value: max(0.0, value - 0.15) * (first + second + 0.5 * own),
+        "first": lambda value: value * first,
+        "second": lambda value: value * second,
+    }
+    toy = ToyBench(responses, rng.standard_normal(ROWS) + responses["both"](0.75), TRIALS)
+    search = toy.search()
+    search._beside.tried(search.fitter.empty(toy.nominal))
+    _, one, other = toy.hypotheses
+    (two,) = search._kept(search._refined(search.fitter.placed([[(one, 0.5), (other, 0.5)]])))
+    search._fit_merged()
+    assert search.ranked[0].names == {"both"}
+    assert search.ranked[0].shares[0] == pytest.approx(0.75, abs=0.02)
+    assert search.fitter.score(search.ranked[0]) < search.fitter.score(two)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
 def test_three_effects_are_found_and_sized(seed: int) -> None:
     planted = {"effect_0": 0.4, "effect_2": 0.7, "effect_7": 0.3}
     best = bench(planted, seed).search().run()[0]
