@@ -75,6 +75,18 @@ class SetSearch:
         begun = [self._pruned(one) for one in self._kept(self._refined(places))]
         if begun:
             best = self._exchanged(min(begun, key=self.fitter.score))
+        best = self._climbed(best)
+        if best.hypotheses and self._falls_short(best):
+            best = self._climbed_otherwise(best)
+        if best.hypotheses and self._falls_short(best):
+            self._all_together(best)
+        self._fit_twins()
+        self._fit_merged()
+        self._finish()
+        return self.ranked
+
+    def _climbed(self, best: SetFit) -> SetFit:
+        """Return a set to which effects were added one by one, as long as that pays."""
         while len(best.hypotheses) < self.settings.most_effects:
             if len(best.hypotheses) >= self.settings.one_by_one and self._falls_short(best):
                 break
@@ -82,12 +94,16 @@ class SetSearch:
             if self.fitter.score(grown) >= self.fitter.score(best) - self.settings.worth:
                 break
             best = grown
-        if best.hypotheses and self._falls_short(best):
-            self._all_together(best)
-        self._fit_twins()
-        self._fit_merged()
-        self._finish()
-        return self.ranked
+        return best
+
+    def _climbed_otherwise(self, best: SetFit) -> SetFit:
+        """Return the best set after other ways up, from the best pairs of effects that are not in it.
+
+        One effect may do much of what two do, and then neither of these two comes in beside it.
+        """
+        pairs = [fit for fit in self.ranked if len(fit.hypotheses) == 2 and not fit.names <= best.names]
+        climbed = [self._climbed(fit) for fit in pairs[: self.settings.other_ways]]
+        return min([best, *climbed], key=self.fitter.score)
 
     @property
     def _known_points(self) -> list[Point]:

@@ -219,6 +219,7 @@ class SetSettings:
         most_effects: effects in a set that grows, at most.
         most_rows: rows of a trial that count as separate, at most; see `RobustLoss`.
         one_by_one: effects that are added one by one before all are fitted together,
+        other_ways: pairs of effects from which the search goes up anew,
         right: if the set leaves more than this mean whitened square
         few: in more than this share of the trials.
         starts: shares of the way from neutral to the better bound at which all effects begin.
@@ -282,6 +283,7 @@ class SetSettings:
     most_effects: int = 14
     most_rows: float = 10.0
     one_by_one: int = 3
+    other_ways: int = 2
     right: float = 2.0
     few: float = 0.2
     starts: tuple[float, ...] = (0.05, 0.1, 0.15)
@@ -322,6 +324,7 @@ GAIT_SETS = SetSettings(
     fine_rounds=2,
     finish_rounds=1,
     one_by_one=14,
+    other_ways=0,
     difference=0.1,
     beyond=0.5,
     centred=True,

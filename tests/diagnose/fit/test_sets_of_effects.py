@@ -123,6 +123,17 @@ def test_a_limit_is_tried_between_doing_nothing_and_doing_too_much(seed: int) ->
     assert toy.simulated <= 6  # three places at first
 
 
+def test_where_a_set_falls_short_the_search_goes_up_from_other_pairs() -> None:
+    planted = {"effect_0": 0.4, "effect_1": 0.5, "effect_3": 0.3}
+    search = bench(planted, 1).search(replace(SETS, right=0.5))
+    points = {h.name: (h, planted.get(h.name, 0.5)) for h in search.hypotheses}
+    begun = [[points["effect_4"], points["effect_6"]], [points["effect_0"], points["effect_3"]]]
+    wrong, _ = search._kept(search._refined(search.fitter.placed(begun)))
+    assert search._falls_short(wrong)
+    best = search._climbed_otherwise(wrong)
+    assert best.names == set(planted)
+
+
 def test_one_effect_takes_the_place_of_two_that_do_the_same_together() -> None:
     """One by one neither gives way to it: beside the other one it does too much."""
     rng = seeded(1)
