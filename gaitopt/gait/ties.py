@@ -83,7 +83,7 @@ class TiedSpace:
     full: GaitSpace
     followers: Mapping[str, Follower]
     shifts: Mapping[str, Range]
-    middles: Mapping[str, float] = field(default_factory=dict)
+    middles: Mapping[str, float]
 
     @staticmethod
     def of(

@@ -73,7 +73,7 @@ class GaitBounds(FileRecord):
 def tied_spaces(gait: GaitBounds, full: GaitSpace, start_deg: Mapping[str, float]) -> list[TiedSpace]:
     """Return the spaces with which a search begins: one for each template, or that of the ties.
 
-    An undulation is the same to both sides of a straight body: else it only steers.
+    An undulation is nearly the same to both sides of the start: otherwise it only steers.
 
     Args:
         gait: the file's ``[gait]``.
