@@ -107,10 +107,14 @@ class Beside:
         best = self._best(fit, shown)
         if self.alone is None:
             self.first, self.alone = best, _alone(fit, shown)
-        score = self.fitter.score(fit)
+        score = self.fitter.score(fit)  # a place is kept beside a set that the effect does not help at all
         self.last |= {n: one for n, one in best.items() if n not in self.last or one.expected < score}
         order = sorted(best.values(), key=lambda one: (one.expected, one.hypothesis.name))
         return firsts(order, lambda one: one.hypothesis.effect.name)
+
+    def others(self, fit: SetFit) -> list[Hypothesis]:
+        """Return the hypotheses of effects that a set does not have."""
+        return [h for h in self.hypotheses if h.effect.name not in fit.effects]
 
     def placed(self, fit: SetFit, hypothesis: Hypothesis) -> SetFit | None:
         """Return a set with one more effect where that is best; None where it cannot be simulated."""
@@ -122,11 +126,14 @@ class Beside:
         """Return the robots at some places, and at those that were learnt from them."""
         shown = self._simulated_at(fit, places)
         shown += self._simulated_at(fit, self._learn(fit, shown))
+        unsettled = shown
         for _ in range(self.settings.nearer):
-            better = self._between(shown)
+            better = self._between(unsettled)
             if not better:
                 break
             shown += self._simulated_at(fit, better)
+            names = {place.hypothesis.name for place in better}
+            unsettled = [one for one in shown if one[0].hypothesis.name in names]
         return shown
 
     def _best(self, fit: SetFit, shown: Iterable[tuple[_Place, Comparison]]) -> dict[str, Tried]:
@@ -149,7 +156,7 @@ class Beside:
 
     def promising(self, fit: SetFit, responses: SingleResponses) -> list[tuple[SetFit, float]]:
         """Return the set with each effect that promises most, at its best coordinate, the best first."""
-        others = self._others(fit)
+        others = self.others(fit)
         best: list[tuple[float, int, float, SetFit]] = []
         for index, h in enumerate(others):
             sums = [
@@ -175,17 +182,13 @@ class Beside:
 
     def _shortlist(self, fit: SetFit, smaller: Sequence[SetFit]) -> list[Hypothesis]:
         """Return the effects to try beside a set: all at first, then what promises most, and what jumps."""
-        others = self._others(fit)
+        others = self.others(fit)
         if self.alone is None:
             return others
         most = self.settings.swapped if smaller else self.settings.promising
         chosen = [self.promising(one, self.alone)[:most] for one in smaller or [fit]]
         names = {beside.hypotheses[-1].name for some in chosen for beside, _ in some}
         return [h for h in others if h.name in names or h.effect.jumps]
-
-    def _others(self, fit: SetFit) -> list[Hypothesis]:
-        """Return the hypotheses of effects that a set does not have."""
-        return [h for h in self.hypotheses if h.effect.name not in fit.effects]
 
     def _shares(self, fit: SetFit, hypothesis: Hypothesis) -> list[float]:
         """Return where an effect is tried: everywhere at first, then where it was best, and a little."""
@@ -245,14 +248,11 @@ class Beside:
             The loss, and the share where it is.
         """
         (begin, start), (end, stop) = near, far
+        ways = np.linspace(0.0, 1.0, self.settings.between + 2)[1:-1]
         change = stop.whitened - start.whitened
-        return min(
-            (
-                self.fitter.loss.total(start.whitened + way * change),
-                begin.share + way * (end.share - begin.share),
-            )
-            for way in np.linspace(0.0, 1.0, self.settings.between)[1:-1].tolist()
-        )
+        losses = self.fitter.loss.totals(start.whitened + ways[:, None] * change)
+        best = int(np.argmin(losses))
+        return float(losses[best]), begin.share + float(ways[best]) * (end.share - begin.share)
 
     def _simulated_at(self, fit: SetFit, places: Sequence[_Place]) -> list[tuple[_Place, Comparison]]:
         """Return the robots of a set with one more effect each, those that can be simulated."""

@@ -6,7 +6,7 @@ roughly, so the sum says which effects are worth a simulation beside the set, no
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,23 @@ import numpy as np
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.single import Fit
 from gaitopt.diagnose.fit.trials import Comparison
+
+
+@dataclass(frozen=True)
+class Like:
+    """An effect that alone does nearly what others do.
+
+    Attributes:
+        hypothesis: the effect.
+        at: its coordinate where it comes closest to them,
+        robot: and the robot expected there.
+        cosine: cosine between what it changes and what they do.
+    """
+
+    hypothesis: Hypothesis
+    at: float
+    robot: Comparison
+    cosine: float
 
 
 @dataclass(frozen=True)
@@ -72,6 +89,24 @@ class SingleResponses:
                 sizes = float(np.linalg.norm(change) * np.linalg.norm(wanted))
                 best = (at, expected, float(change @ wanted) / max(sizes, 1e-12))
         return best
+
+    def likes(
+        self, robot: Comparison, other: Comparison, hypotheses: Iterable[Hypothesis], least: float
+    ) -> list[Like]:
+        """Return the effects that alone, added to a robot, do nearly what another robot does otherwise.
+
+        Args:
+            robot: the trials compared with the robot.
+            other: the trials compared with the other one.
+            hypotheses: the effects to look among.
+            least: the least cosine of one that is returned.
+        """
+        found = []
+        for hypothesis in hypotheses:
+            at, expected, cosine = self.likest(robot, other, hypothesis)
+            if expected is not None and cosine >= least:
+                found.append(Like(hypothesis, at, expected, cosine))
+        return found
 
     def _sum(self, robot: Comparison, one: Comparison, at: float) -> Comparison:
         return replace(

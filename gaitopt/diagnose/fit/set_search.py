@@ -291,15 +291,12 @@ class SetSearch:
 
         Each effect gives way to a few others: those of one must not take the places of those of another.
         """
-        found = list[SetFit]()
+        found, others = list[SetFit](), self._beside.others(fit)
         for smaller in self._simulated([self.fitter.without_effect(fit, i) for i in self._droppable(fit)]):
-            likes = list[SetFit]()
-            for h in self.hypotheses:
-                if h.effect.name in fit.effects:
-                    continue
-                at, robot, cosine = responses.likest(smaller.robot, fit.robot, h)
-                if robot is not None and cosine >= self.settings.alike:
-                    likes.append(self._beside.with_one_more(smaller, h, at, robot))
+            likes = [
+                self._beside.with_one_more(smaller, like.hypothesis, like.at, like.robot)
+                for like in responses.likes(smaller.robot, fit.robot, others, self.settings.alike)
+            ]
             fresh = [one for one in likes if one.names not in self.found]
             on_best_targets = firsts(
                 sorted(fresh, key=self.fitter.expected_score), lambda one: one.effects[-1]
@@ -325,16 +322,16 @@ class SetSearch:
         """Return sets in which two effects gave way to one, each effect for those that it is likest to."""
         pairs = combinations(self._droppable(fit), 2)
         smaller = [self.fitter.without_effect(self.fitter.without_effect(fit, j), i) for i, j in pairs]
-        others = [h for h in self.hypotheses if h.effect.name not in fit.effects]
-        found: list[tuple[float, Point]] = []
-        for one in self._simulated(smaller):
-            for h in others:
-                at, _, cosine = responses.likest(one.robot, fit.robot, h)
-                if cosine >= self.settings.like_two:
-                    found.append((cosine, [*one.point, (h, at)]))
-        found.sort(key=lambda one: -one[0])
-        likest = [point for _, point in firsts(found, lambda one: one[1][-1][0].effect.name)]
-        fresh = [one for one in likest if frozenset(h.name for h, _ in one) not in self.found]
+        others = self._beside.others(fit)
+        found = [
+            (like, one.point)
+            for one in self._simulated(smaller)
+            for like in responses.likes(one.robot, fit.robot, others, self.settings.like_two)
+        ]
+        found.sort(key=lambda one: -one[0].cosine)
+        likest = firsts(found, lambda one: one[0].hypothesis.effect.name)
+        points: list[Point] = [[*point, (like.hypothesis, like.at)] for like, point in likest]
+        fresh = [point for point in points if frozenset(h.name for h, _ in point) not in self.found]
         return fresh[: self.settings.merged]
 
     def _finish(self) -> None:

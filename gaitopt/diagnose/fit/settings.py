@@ -188,8 +188,8 @@ class SetSettings:
         screened: shares of the way from neutral to each bound at which an effect is tried first.
         screened_rough: the same for an effect with a rough response, which is fitted from the best of them,
             where `Proposals` cannot say more.
-        between: parts of the way from one place of an effect to the next at which losses are predicted,
-        nearer: times that an effect is tried where the least loss is predicted.
+        between: places between two where an effect was tried, at which the loss is predicted,
+        nearer: times that it is tried at the best of them, at most.
         beyond: how far an effect is expected to go, in multiples of where it was tried.
         centred: whether a fit begins where an effect was tried, if it is better there than without it: a
             response that jumps has valleys, and slopes lead to the nearest one.
@@ -254,7 +254,7 @@ class SetSettings:
     worth: float = 1.0
     screened: tuple[float, ...] = (0.1, 0.35, 0.8)
     screened_rough: tuple[float, ...] = tuple(0.08 * k for k in range(1, 13))
-    between: int = 11
+    between: int = 9
     nearer: int = 3
     beyond: float = 1.6
     centred: bool = False
