@@ -69,7 +69,7 @@ class Disturbed(RobotEffects):
             calls += 1
             act(sensed, calls * interval)
 
-        return [*updates, update]
+        return [*updates, Update(update)]
 
 
 def disturbed(simulator: Simulator, disturbance: Disturbance, figures: Figures) -> Simulator:

@@ -202,7 +202,7 @@ class RobotEffects:
         return any(s.effect.loop is not None for s in self.active)
 
     def updates(self, model: mujoco.MjModel) -> list[Update]:
-        """Return the functions to call while `model` runs; nothing else may use that model."""
+        """Return what edits `model` while it runs; nothing else may use that model."""
         return [s.effect.loop(self._parts(s, model), s.value) for s in self.active if s.effect.loop]
 
     def commands(self, sent: Commands, model: mujoco.MjModel) -> Commands:

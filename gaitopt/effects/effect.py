@@ -36,8 +36,20 @@ It is far below the times that loops stand for: a supply's bulk capacitor and a 
 pad's slip of a tenth of a second.
 """
 
-Update = Callable[[NDArray[np.float64]], None]
-"""Called with the last ``sensordata``; edits the model that runs."""
+
+@dataclass(frozen=True)
+class Update:
+    """What edits the model while it runs.
+
+    Attributes:
+        edit: called with the last ``sensordata``, every `loop_steps`.
+        at_jumps: whether it is called before the step in which a command jumps, too, with what the sensors
+            measure under the new command. It must not count its calls, then.
+    """
+
+    edit: Callable[[NDArray[np.float64]], None]
+    at_jumps: bool = False
+
 
 Structure = Callable[[mujoco.MjSpec, Parts, float], None]
 """Called with the specification, the nominal robot's parts and the parameter's value."""

@@ -240,12 +240,13 @@ class Simulator:
         out = {"sensordata": sensed}
         if poses:
             out["qpos"] = np.empty((steps, model.nq))
+        switched = changes_of_power(off)
         stepper: Stepper = Together(batch, ctrl, out)
         if updates:
-            stepper = OneByOne(model, batch, ctrl, out, updates, settings.count_every)
+            stepper = OneByOne(model, batch, ctrl, out, updates, settings.count_every, switched)
         allowed = settings.most_work * workspace.resting_work * steps
         budget = WorkBudget(allowed, settings.chunk, settings.count_every, model.nv)
-        switched, groups = changes_of_power(off), model.actuator_group.copy()
+        groups = model.actuator_group.copy()
         begins = sorted({*range(0, steps, settings.chunk), *switched})
         status = "ok"
         for begin, end in zip(begins, [*begins[1:], steps], strict=True):

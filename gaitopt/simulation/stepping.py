@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -130,6 +130,7 @@ class OneByOne:
         out: Mapping[str, Array],
         updates: Sequence[Update],
         count_every: int,
+        switched: Iterable[int],
     ):
         """Continue from where a batch of one simulation is; the batch itself stays there.
 
@@ -138,8 +139,10 @@ class OneByOne:
             batch: the simulation, at its start.
             ctrl: commands, rad, shape (n, nu).
             out: where fields of `mujoco.MjData` are recorded, each of shape (n, ...).
-            updates: what edits the model, called after every few rows of all rows (`loop_steps`).
+            updates: what edits the model, called after every few rows of all rows (`loop_steps`), and some
+                of it where a command jumps.
             count_every: one row in this many is counted, from the first one of a call.
+            switched: rows before which the power of a servo is cut or restored.
         """
         self._model, self._data, self._ctrl = model, batch.get_data(0), ctrl
         bits = ctrl.view(np.int64)
@@ -147,7 +150,9 @@ class OneByOne:
         self._recorded = [(array, getattr(self._data, name)) for name, array in out.items()]
         self._raised = self._data.warning.number
         self._none_raised = self._raised.tobytes()
-        self._updates, self._update_every = updates, loop_steps(model.opt.timestep)
+        self._edits, self._edit_every = [one.edit for one in updates], loop_steps(model.opt.timestep)
+        self._at_jumps = [one.edit for one in updates if one.at_jumps]
+        self._jumps = jumps(self._changed, switched) if self._at_jumps else set()
         self._count_every = count_every
 
     @property
@@ -158,12 +163,14 @@ class OneByOne:
 
     def advance(self, begin: int, end: int, counts: Counts) -> bool:
         """Simulate some rows; see `Stepper`."""
-        model, data, ctrl, changed = self._model, self._data, self._ctrl, self._changed
+        model, data, ctrl, changed, jumps = self._model, self._data, self._ctrl, self._changed, self._jumps
         raised, none_raised = self._raised, self._none_raised
         step, target, sensed = mujoco.mj_step, data.ctrl, data.sensordata
         for row in range(begin, end):
             if changed[row]:
                 target[:] = ctrl[row]
+            if row in jumps:
+                self._jump()
             step(model, data)
             for array, value in self._recorded:
                 array[row] = value
@@ -172,10 +179,16 @@ class OneByOne:
                 return False
             if not (row - begin) % self._count_every:
                 self._count(counts, row - begin)
-            if not (row + 1) % self._update_every:
-                for update in self._updates:
-                    update(sensed)
+            if not (row + 1) % self._edit_every:
+                for edit in self._edits:
+                    edit(sensed)
         return True
+
+    def _jump(self) -> None:
+        """Measure what a new command does at once, before any time passes, and edit the model by it."""
+        mujoco.mj_forward(self._model, self._data)
+        for edit in self._at_jumps:
+            edit(self._data.sensordata)
 
     def _count(self, counts: Counts, index: int) -> None:
         for name, count in counts.items():
@@ -185,6 +198,19 @@ class OneByOne:
         """Let what was recorded of a row stand for the rows after it, as `Batch.rollout` does."""
         for array, _ in self._recorded:
             array[row:end] = array[row]
+
+
+def jumps(changed: Sequence[bool], switched: Iterable[int]) -> set[int]:
+    """Return the rows in which a servo's torque may jump: the first one after rows that were held.
+
+    Where every row is another, commands are smooth.
+
+    Args:
+        changed: whether each row differs from the one before; true for the first one.
+        switched: rows before which the power of a servo is cut or restored.
+    """
+    before = [False, *changed[:-1]]
+    return {row for row, new in enumerate(changed) if new and not before[row]}.union(switched)
 
 
 def stop_reason(error: Exception) -> str:

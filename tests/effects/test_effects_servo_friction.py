@@ -148,6 +148,27 @@ def test_an_unpowered_servo_transmits_nothing_and_turns_freely(twins: rigs.Make)
     assert free["joint.wheel"][-1] == pytest.approx(-0.5 * 0.01 / INERTIA * 0.1**2, rel=0.02)
 
 
+@pytest.mark.parametrize("row", [100, 101])
+def test_friction_of_the_gear_acts_from_the_step_in_which_a_command_jumps(twins: rigs.Make, row: int) -> None:
+    """A standing wheel gets less speed in that step, too; without a jump it would be free for a loop."""
+    simulator = Simulator.build(twins().with_effects(load_friction(0.3)))
+    time = simulator.clock(0.12)
+    path = simulator.play(time, np.where(np.arange(len(time)) >= row, 1e3, 0.0)[:, None] * [1.0, 0.0])
+    speeds = path["rate.turn"][row : row + 6]
+    assert speeds == pytest.approx(0.7 * TORQUE / INERTIA * 1e-3 * np.arange(6), rel=1e-6)
+
+
+def test_friction_of_the_gear_is_gone_with_the_power(twins: rigs.Make) -> None:
+    """A weight that the gear held falls freely from the first step, whether the loop runs then or not."""
+    for row in (50, 51):
+        log = LoggedCommands.of(rigs.TWO, [0.0, 1e-3 * row], [[0.0, 0.0], [math.nan, 0.0]])
+        problem = twins(load=0.02).with_effects(load_friction(0.5))
+        path = Simulator.build(problem).run(log.recorded(0.1, 0.02, {"wheel": 0.0}), duration=0.1)
+        assert path["rate.turn"][row : row + 6] == pytest.approx(
+            -0.02 / INERTIA * 1e-3 * np.arange(6), rel=1e-3, abs=1e-5
+        )
+
+
 # --- near standstill ----------------------------------------------------------------------------
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 import rigs
@@ -24,7 +25,7 @@ from gaitopt.simulation import rollout
 from gaitopt.simulation.effort import Counts
 from gaitopt.simulation.rollout import RolloutSettings, Simulator
 from gaitopt.simulation.scenario import draw_scenarios
-from gaitopt.simulation.stepping import Together
+from gaitopt.simulation.stepping import Together, jumps
 
 Effects = Mapping[str, Mapping[str, float | str]]
 
@@ -40,30 +41,45 @@ class TogetherBetweenUpdates(Together):
 
     def __init__(
         self,
+        model: mujoco.MjModel,
         batch: Batch,
         ctrl: NDArray[np.float64],
         out: Mapping[str, NDArray[np.float64]],
         updates: Sequence[Update],
         _: int,
+        switched: Sequence[int],
     ):
         super().__init__(batch, ctrl, out)
+        self._model, self._batch_of_one, self._rows = model, batch, ctrl
         self._arrays, self._updates = out, updates
-        self._every = loop_steps(batch.model.opt.timestep)
+        self._at_jumps = [update for update in updates if update.at_jumps]
+        changes = [True, *(np.diff(ctrl.view(np.int64), axis=0) != 0).any(axis=1)]
+        self._jumps = jumps(changes, switched) if self._at_jumps else set()
+        self._every = loop_steps(model.opt.timestep)
 
     def advance(self, begin: int, end: int, counts: Counts) -> bool:
         """Simulate some rows, and repeat the last one in those that are left."""
         row = begin
         while row < end:
-            after = min(end, (row // self._every + 1) * self._every)
+            self._jump(row)
+            after = min([end, (row // self._every + 1) * self._every, *(j for j in self._jumps if j > row)])
             some = {name: one[:, row - begin : after - begin] for name, one in counts.items()}
             if not super().advance(row, after, some):
                 for array in self._arrays.values():
                     array[after:end] = array[after - 1]
                 return False
             for update in self._updates if after % self._every == 0 else ():
-                update(self._arrays["sensordata"][after - 1])
+                update.edit(self._arrays["sensordata"][after - 1])
             row = after
         return True
+
+    def _jump(self, row: int) -> None:
+        if row in self._jumps:
+            data = self._batch_of_one.get_data(0)
+            data.ctrl[:] = self._rows[row]
+            mujoco.mj_forward(self._model, data)
+            for update in self._at_jumps:
+                update.edit(data.sensordata)
 
 
 def in_both_ways(
@@ -72,8 +88,8 @@ def in_both_ways(
     """A rollout whose steps are called one by one, and the same in calls of MuJoCo's batch."""
     calls = []
 
-    def together(model: object, *arguments: Any) -> TogetherBetweenUpdates:
-        calls.append(model)
+    def together(*arguments: Any) -> TogetherBetweenUpdates:
+        calls.append(arguments)
         return TogetherBetweenUpdates(*arguments)
 
     one_by_one = simulator.run(drive, **options)
@@ -98,6 +114,12 @@ def test_a_gait_has_the_same_bits(
         assert one.status == "ok"
         assert same_bits(one, other)
         assert scenario == 0 or np.array_equal(one.poses, other.poses)
+
+
+def test_a_row_is_a_jump_where_the_one_before_was_held_or_the_power_changes() -> None:
+    smooth = [True] * 5
+    assert jumps(smooth, []) == {0}
+    assert jumps([True, False, True, True, False], [4]) == {0, 2, 4}
 
 
 @pytest.mark.parametrize("effects", [SAG, DRY, DRY | LAG, SAG | PLAY], ids="+".join)

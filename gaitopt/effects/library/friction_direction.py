@@ -111,7 +111,7 @@ def _directed(parts: Parts, ratio: float) -> Update:
                 share = max(0.0, ahead / size)
                 friction.scale(index, 1.0 / math.sqrt(1.0 - share**2 + (share / ratio) ** 2))
 
-    return update
+    return Update(update)
 
 
 def _dot(one: Sequence[float], other: Sequence[float]) -> float:

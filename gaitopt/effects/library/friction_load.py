@@ -70,7 +70,7 @@ def _loaded(parts: Parts, exponent: float) -> Update:
                 factor = (loads[index] / mean) ** -exponent
                 friction.scale(index, min(max(factor, _FACTORS[0]), _FACTORS[1]))
 
-    return update
+    return Update(update)
 
 
 def _nothing_touches(parts: Parts) -> str | None:

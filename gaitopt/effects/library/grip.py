@@ -47,7 +47,7 @@ def _gripping(parts: Parts, relative_sd: float) -> Update:
                 friction.scale(pad, math.exp(math.sqrt(variance) * normal - 0.5 * variance))
             free_s[pad] = 0.0
 
-    return update
+    return Update(update)
 
 
 GRIP_VARIATION = Effect(

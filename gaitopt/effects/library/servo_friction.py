@@ -108,7 +108,7 @@ def _loaded(parts: Parts, share: float) -> Update:
     def update(sensed: NDArray[np.float64]) -> None:
         set_part([share * abs(sensed.item(address)) for address in addresses])
 
-    return update
+    return Update(update, at_jumps=True)
 
 
 SERVO_FRICTION_LOAD = Effect(
@@ -151,7 +151,7 @@ def _stick(parts: Parts, torque: float) -> Update:
         relative = [sensed.item(address) / STRIBECK_RAD_S for address in addresses]
         set_part([torque * math.exp(-v * v) for v in relative])
 
-    return update
+    return Update(update)
 
 
 SERVO_STICTION = Effect(

@@ -62,7 +62,7 @@ def _sag(parts: Parts, share: float) -> Update:
         for index, end, most in ends:  # a few numbers: an array of them takes several times as long
             ranges[index] = end - drawn * most
 
-    return update
+    return Update(update)
 
 
 SERVO_SAG = Effect(
