@@ -6,7 +6,7 @@ An effect acts through one or two of these hooks. Each is for one kind of mechan
   compiled;
 - ``model`` edits fields of the compiled `mujoco.MjModel`;
 - ``commands`` changes what arrives at the servos;
-- ``loop`` edits fields of the model while it runs, from sensors, every `loop_steps`;
+- ``loop`` edits fields of the model while it runs, from sensors (`Update`);
 - ``observe`` changes what is measured.
 
 Every hook finds what it acts on through `Parts`: roles, actuators and axes, never names.
@@ -43,12 +43,12 @@ class Update:
 
     Attributes:
         edit: called with the last ``sensordata``, every `loop_steps`.
-        at_jumps: whether it is called before the step in which a command jumps, too, with what the sensors
-            measure under the new command. It must not count its calls, then.
+        prompt: whether it is called after each step instead, and before one in which a command jumps with
+            what the sensors measure under the new command. It must not count its calls, then.
     """
 
     edit: Callable[[NDArray[np.float64]], None]
-    at_jumps: bool = False
+    prompt: bool = False
 
 
 Structure = Callable[[mujoco.MjSpec, Parts, float], None]

@@ -117,7 +117,7 @@ class Together:
 
 
 class OneByOne:
-    """A `Stepper` that calls MuJoCo for each step, for models that are edited every few steps.
+    """A `Stepper` that calls MuJoCo for each step, for models that are edited as they run.
 
     A second is thousands of calls: what a step costs in Python counts.
     """
@@ -139,8 +139,7 @@ class OneByOne:
             batch: the simulation, at its start.
             ctrl: commands, rad, shape (n, nu).
             out: where fields of `mujoco.MjData` are recorded, each of shape (n, ...).
-            updates: what edits the model, called after every few rows of all rows (`loop_steps`), and some
-                of it where a command jumps.
+            updates: what edits the model.
             count_every: one row in this many is counted, from the first one of a call.
             switched: rows before which the power of a servo is cut or restored.
         """
@@ -150,9 +149,10 @@ class OneByOne:
         self._recorded = [(array, getattr(self._data, name)) for name, array in out.items()]
         self._raised = self._data.warning.number
         self._none_raised = self._raised.tobytes()
-        self._edits, self._edit_every = [one.edit for one in updates], loop_steps(model.opt.timestep)
-        self._at_jumps = [one.edit for one in updates if one.at_jumps]
-        self._jumps = jumps(self._changed, switched) if self._at_jumps else set()
+        self._prompt = [one.edit for one in updates if one.prompt]
+        self._jumps = jumps(self._changed, switched) if self._prompt else set()
+        self._others = [one.edit for one in updates if not one.prompt]
+        self._edit_every = loop_steps(model.opt.timestep)
         self._count_every = count_every
 
     @property
@@ -179,15 +179,17 @@ class OneByOne:
                 return False
             if not (row - begin) % self._count_every:
                 self._count(counts, row - begin)
+            for edit in self._prompt:
+                edit(sensed)
             if not (row + 1) % self._edit_every:
-                for edit in self._edits:
+                for edit in self._others:
                     edit(sensed)
         return True
 
     def _jump(self) -> None:
         """Measure what a new command does at once, before any time passes, and edit the model by it."""
         mujoco.mj_forward(self._model, self._data)
-        for edit in self._at_jumps:
+        for edit in self._prompt:
             edit(self._data.sensordata)
 
     def _count(self, counts: Counts, index: int) -> None:

@@ -52,24 +52,26 @@ class TogetherBetweenUpdates(Together):
         super().__init__(batch, ctrl, out)
         self._model, self._batch_of_one, self._rows = model, batch, ctrl
         self._arrays, self._updates = out, updates
-        self._at_jumps = [update for update in updates if update.at_jumps]
+        self._prompt = [update for update in updates if update.prompt]
         changes = [True, *(np.diff(ctrl.view(np.int64), axis=0) != 0).any(axis=1)]
-        self._jumps = jumps(changes, switched) if self._at_jumps else set()
+        self._jumps = jumps(changes, switched) if self._prompt else set()
         self._every = loop_steps(model.opt.timestep)
+        self._often = 1 if self._prompt else self._every
 
     def advance(self, begin: int, end: int, counts: Counts) -> bool:
         """Simulate some rows, and repeat the last one in those that are left."""
         row = begin
         while row < end:
             self._jump(row)
-            after = min([end, (row // self._every + 1) * self._every, *(j for j in self._jumps if j > row)])
+            after = min(end, (row // self._often + 1) * self._often)
             some = {name: one[:, row - begin : after - begin] for name, one in counts.items()}
             if not super().advance(row, after, some):
                 for array in self._arrays.values():
                     array[after:end] = array[after - 1]
                 return False
-            for update in self._updates if after % self._every == 0 else ():
-                update.edit(self._arrays["sensordata"][after - 1])
+            for update in self._updates:
+                if update.prompt or after % self._every == 0:
+                    update.edit(self._arrays["sensordata"][after - 1])
             row = after
         return True
 
@@ -78,7 +80,7 @@ class TogetherBetweenUpdates(Together):
             data = self._batch_of_one.get_data(0)
             data.ctrl[:] = self._rows[row]
             mujoco.mj_forward(self._model, data)
-            for update in self._at_jumps:
+            for update in self._prompt:
                 update.edit(data.sensordata)
 
 

@@ -108,7 +108,7 @@ def _loaded(parts: Parts, share: float) -> Update:
     def update(sensed: NDArray[np.float64]) -> None:
         set_part([share * abs(sensed.item(address)) for address in addresses])
 
-    return Update(update, at_jumps=True)
+    return Update(update, prompt=True)
 
 
 SERVO_FRICTION_LOAD = Effect(
