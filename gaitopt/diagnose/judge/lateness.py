@@ -47,6 +47,11 @@ class Lateness:
     explained: float
     log_likelihood: float
 
+    def shown(self, settings: LatenessSettings) -> bool:
+        """Return whether delays explain enough of how repeats differ."""
+        long = self.sd_s >= settings.long_s
+        return self.explained >= (settings.long_explained if long else settings.explained)
+
     @property
     def delay_shift(self) -> tuple[float, float]:
         """By how much a constant delay beside these may be other than fitted, s: less and more.
@@ -225,20 +230,42 @@ def _resampled(family: Sequence[WhitenedTrial], name: str, time: Array) -> Array
     return np.stack(rows)
 
 
-def measure_lateness(
+def find_lateness(
+    robot: Simulator,
     trials: Sequence[WhitenedTrial],
     floors: Sequence[Floors],
-    late: Mapping[str, LateChanges],
+    executor: Executor,
     settings: LatenessSettings = LATENESS,
 ) -> Lateness | None:
     """Return how late changes of the commands act by chance; None where repeats do not show that they do.
 
+    What one late change does is simulated anew at the delay that was found. At first delays may explain
+    little: where they are much longer than the one tried, its response tells little.
+
     Args:
+        robot: the robot.
         trials: the trials.
         floors: floor of each signal of each.
-        late: what one late change does, by the key of the drive.
+        executor: where rollouts run.
         settings: when delays count as shown.
     """
+    by_s, found = settings.tried_s, None
+    for _ in range(settings.rounds):
+        late = simulate_late_changes(robot, trials, executor, by_s, settings)
+        found = _measured(trials, floors, late, settings)
+        if found is None:
+            return None
+        by_s = max(settings.tried_s, found.sd_s)
+    return found if found is not None and found.shown(settings) else None
+
+
+def _measured(
+    trials: Sequence[WhitenedTrial],
+    floors: Sequence[Floors],
+    late: Mapping[str, LateChanges],
+    settings: LatenessSettings,
+) -> Lateness | None:
+    """Return the likeliest delays; None where repeats are no likelier by them."""
     families: dict[str, list[int]] = {}
     for number, one in enumerate(trials):
         if one.aligned.trial.starts_at_s is not None and one.aligned.trial.drive.key in late:
@@ -263,7 +290,8 @@ def _likeliest(known: Sequence[_Differences], settings: LatenessSettings) -> Lat
     variance = float(sizes[best]) ** 2
     left = sum(one.left(variance) * (one.others + len(one.shares)) * one.repeats for one in known)
     explained = (before - left) / max(before - count, 1e-12)
-    if gain < settings.gain or explained < settings.explained or best == 0:
+    if gain < settings.gain or best == 0:
         return None
     likely = sizes[logs >= logs[best] - settings.interval]
-    return Lateness(float(sizes[best]), (float(likely[0]), float(likely[-1])), explained, float(logs[best]))
+    ends = (float(likely[0]), float(likely[-1]))
+    return Lateness(float(sizes[best]), ends, explained, float(logs[best]))

@@ -15,7 +15,7 @@ from gaitopt.diagnose.fit.trials import TrialSet
 from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.judgement import Judgement
-from gaitopt.diagnose.judge.lateness import LateChanges, Lateness, measure_lateness, simulate_late_changes
+from gaitopt.diagnose.judge.lateness import LateChanges, Lateness, find_lateness, simulate_late_changes
 from gaitopt.diagnose.judge.sets import JudgedSets, RankedSets, SetJudge
 from gaitopt.effects.library.jitter import COMMAND_JITTER
 from gaitopt.effects.library.timing import COMMAND_LATENCY
@@ -97,34 +97,17 @@ def _late_commands(
     best = ranked.candidates[0].effect_values if ranked.candidates else {}
     corrected = trial_set.problem.with_effects(best)
     robots = [trial_set.simulator, Simulator.build(corrected, fidelity=trial_set.simulator.fidelity)]
-    found = [(robot, _lateness(robot, trial_set, floors, context)) for robot in robots]
+    settings, executor = context.settings.lateness, context.executor
+    found = [(one, find_lateness(one, trial_set.trials, floors, executor, settings)) for one in robots]
     known = [(robot, lateness) for robot, lateness in found if lateness is not None]
     if not known:
         return None
     robot, lateness = max(known, key=lambda pair: pair[1].log_likelihood)
     width = UNIFORM_WIDTH * lateness.sd_s
     delays = [
-        simulate_late_changes(
-            robot, trial_set.trials, context.executor, share * width, context.settings.lateness
-        )
-        for share in _DELAYS
+        simulate_late_changes(robot, trial_set.trials, executor, share * width, settings) for share in _DELAYS
     ]
     return _LateCommands(lateness, delays)
-
-
-def _lateness(
-    robot: Simulator, trial_set: TrialSet, floors: Sequence[Floors], context: Context
-) -> Lateness | None:
-    """Return how late commands act by a robot, the second time at the delay that was found."""
-    settings = context.settings.lateness
-    by_s, lateness = settings.tried_s, None
-    for _ in range(settings.rounds):
-        changes = simulate_late_changes(robot, trial_set.trials, context.executor, by_s, settings)
-        lateness = measure_lateness(trial_set.trials, floors, changes, settings)
-        if lateness is None:
-            return None
-        by_s = max(settings.tried_s, lateness.sd_s)
-    return lateness
 
 
 def _whitened_with(judgement: Judgement, late: _LateCommands) -> Judgement:

@@ -14,7 +14,7 @@ from gaitopt.diagnose.diagnosis import DiagnosisRequest
 from gaitopt.diagnose.fit.runner import Runner
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.find_causes import NominalGap, prepare_trials
-from gaitopt.diagnose.judge.lateness import Lateness, measure_lateness, simulate_late_changes
+from gaitopt.diagnose.judge.lateness import Lateness, find_lateness
 from gaitopt.effects.library.jitter import COMMAND_JITTER
 from gaitopt.gait.logged import LoggedCommands
 from gaitopt.jobs.diagnose import Question
@@ -43,7 +43,7 @@ def lateness(problem: Problem, folder: Path) -> Lateness | None:
     with ThreadPoolExecutor(1) as executor:
         gap = NominalGap(simulator, trials, floors, 0.0)
         ready = prepare_trials(gap, Context(Runner(executor), 1)).trial_set.trials
-        return measure_lateness(ready, floors, simulate_late_changes(simulator, ready, executor))
+        return find_lateness(simulator, ready, floors, executor)
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +59,16 @@ def test_the_spread_of_delays_is_measured(problem: Problem, tmp_path: Path, sd_s
     assert found.ci90[0] < sd_s < found.ci90[1]
     assert found.ci90[1] < 2.0 * found.ci90[0]
     assert found.explained > 0.9
+
+
+def test_delays_as_long_as_a_reversal_are_measured_though_what_they_do_does_not_add_up(
+    problem: Problem, tmp_path: Path
+) -> None:
+    write_bench(tmp_path / "data", problem, trials=REPEATS, played=late_by_chance(0.025))
+    found = lateness(problem, tmp_path / "data")
+    assert found is not None
+    assert found.ci90[0] < 0.025 < found.ci90[1]
+    assert found.ci90[1] < 2.0 * found.ci90[0]
 
 
 def test_no_delays_are_found_where_repeats_agree(problem: Problem, tmp_path: Path) -> None:
