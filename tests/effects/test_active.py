@@ -245,6 +245,6 @@ def test_a_supply_sags_as_fast_at_any_timestep(arcfold: Problem, step_s: float) 
     whole = model.actuator_forcerange[:3, 1].copy()
     (update,) = robot.effects.updates(model)
     for _ in range(round(0.03 / loop_interval_s(step_s))):
-        update(np.full(model.nsensordata, 1e3))  # every servo stalls
+        update.edit(np.full(model.nsensordata, 1e3))  # every servo stalls
     lost = 1.0 - model.actuator_forcerange[:3, 1] / whole
     assert lost == pytest.approx(0.4 * (1.0 - math.exp(-3.0)), rel=0.06)

@@ -146,7 +146,7 @@ def test_each_pad_has_a_grip_of_its_own(rig: rigs.Make) -> None:
     simulator = Simulator.build(uneven)
     model = simulator.models[0]
     update = simulator.effects.updates(model)[0]
-    update(np.full(model.nsensordata, -1.0))  # all loads: 1 N
+    update.edit(np.full(model.nsensordata, -1.0))  # all loads: 1 N
     front, rear = (float(model.geom(name).friction[0]) for name in ("front", "rear"))
     assert abs(front - rear) > 0.01
     holds = 0.5 * (front + rear) * G
@@ -183,7 +183,7 @@ def test_factors_of_several_effects_on_one_pad_multiply(rig: rigs.Make) -> None:
         for update in simulator.effects.updates(model):
             state = np.tile([0.3, 0.0, -3.0], model.nsensordata)[: model.nsensordata]
             sensed.append(state)
-            update(state)
+            update.edit(state)
         return float(model.geom("front").friction[0]) / 0.2
 
     product = math.prod(grip(name) for name in effects)

@@ -10,7 +10,7 @@ ways: they count as noise, and delays are then not more likely than none.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -249,37 +249,38 @@ def find_lateness(
         executor: where rollouts run.
         settings: when delays count as shown.
     """
+    families = _repeats(trials)
+    repeated = [trials[numbers[0]] for numbers in families.values()]
     by_s, found = settings.tried_s, None
     for _ in range(settings.rounds):
-        late = simulate_late_changes(robot, trials, executor, by_s, settings)
-        found = _measured(trials, floors, late, settings)
+        late = simulate_late_changes(robot, repeated, executor, by_s, settings)
+        apart = [
+            _Differences.of([trials[n] for n in families[key]], floors[families[key][0]], changes)
+            for key, changes in late.items()
+        ]
+        found = _likeliest([one for one in apart if one is not None and len(one.shares)], settings)
         if found is None:
             return None
         by_s = max(settings.tried_s, found.sd_s)
     return found if found is not None and found.shown(settings) else None
 
 
-def _measured(
-    trials: Sequence[WhitenedTrial],
-    floors: Sequence[Floors],
-    late: Mapping[str, LateChanges],
-    settings: LatenessSettings,
-) -> Lateness | None:
-    """Return the likeliest delays; None where repeats are no likelier by them."""
+def _repeats(trials: Sequence[WhitenedTrial]) -> dict[str, list[int]]:
+    """Return the numbers of the trials of each drive that was recorded more than once, by its key.
+
+    Trials count where it is known when the drive began.
+    """
     families: dict[str, list[int]] = {}
     for number, one in enumerate(trials):
-        if one.aligned.trial.starts_at_s is not None and one.aligned.trial.drive.key in late:
+        if one.aligned.trial.starts_at_s is not None:
             families.setdefault(one.aligned.trial.drive.key, []).append(number)
-    found = [
-        _Differences.of([trials[n] for n in numbers], floors[numbers[0]], late[key])
-        for key, numbers in families.items()
-        if len(numbers) > 1
-    ]
-    known = [one for one in found if one is not None and len(one.shares)]
-    return _likeliest(known, settings) if known else None
+    return {key: numbers for key, numbers in families.items() if len(numbers) > 1}
 
 
 def _likeliest(known: Sequence[_Differences], settings: LatenessSettings) -> Lateness | None:
+    """Return the likeliest delays; None where repeats are no likelier by them."""
+    if not known:
+        return None
     sizes = np.geomspace(settings.least_s, settings.most_s, settings.sizes)
     logs = np.array([sum(one.log_likelihood(float(size) ** 2) for one in known) for size in sizes])
     none = sum(one.log_likelihood(0.0) for one in known)
