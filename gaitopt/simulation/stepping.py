@@ -150,7 +150,7 @@ class OneByOne:
         self._raised = self._data.warning.number
         self._none_raised = self._raised.tobytes()
         self._prompt = [one.edit for one in updates if one.prompt]
-        self._jumps = jumps(self._changed, switched) if self._prompt else set()
+        self._jumps = jump_rows(self._changed, switched) if self._prompt else set()
         self._others = [one.edit for one in updates if not one.prompt]
         self._edit_every = loop_steps(model.opt.timestep)
         self._count_every = count_every
@@ -202,7 +202,7 @@ class OneByOne:
             array[row:end] = array[row]
 
 
-def jumps(changed: Sequence[bool], switched: Iterable[int]) -> set[int]:
+def jump_rows(changed: Sequence[bool], switched: Iterable[int]) -> set[int]:
     """Return the rows in which a servo's torque may jump: the first one after rows that were held.
 
     Where every row is another, commands are smooth.

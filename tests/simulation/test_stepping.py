@@ -25,7 +25,7 @@ from gaitopt.simulation import rollout
 from gaitopt.simulation.effort import Counts
 from gaitopt.simulation.rollout import RolloutSettings, Simulator
 from gaitopt.simulation.scenario import draw_scenarios
-from gaitopt.simulation.stepping import Together, jumps
+from gaitopt.simulation.stepping import Together, jump_rows
 
 Effects = Mapping[str, Mapping[str, float | str]]
 
@@ -54,7 +54,7 @@ class TogetherBetweenUpdates(Together):
         self._arrays, self._updates = out, updates
         self._prompt = [update for update in updates if update.prompt]
         changes = [True, *(np.diff(ctrl.view(np.int64), axis=0) != 0).any(axis=1)]
-        self._jumps = jumps(changes, switched) if self._prompt else set()
+        self._jumps = jump_rows(changes, switched) if self._prompt else set()
         self._every = loop_steps(model.opt.timestep)
         self._often = 1 if self._prompt else self._every
 
@@ -120,8 +120,8 @@ def test_a_gait_has_the_same_bits(
 
 def test_a_row_is_a_jump_where_the_one_before_was_held_or_the_power_changes() -> None:
     smooth = [True] * 5
-    assert jumps(smooth, []) == {0}
-    assert jumps([True, False, True, True, False], [4]) == {0, 2, 4}
+    assert jump_rows(smooth, []) == {0}
+    assert jump_rows([True, False, True, True, False], [4]) == {0, 2, 4}
 
 
 @pytest.mark.parametrize("effects", [SAG, DRY, DRY | LAG, SAG | PLAY], ids="+".join)

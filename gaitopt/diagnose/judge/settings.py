@@ -32,7 +32,7 @@ class LatenessSettings:
         rounds: times that the response is simulated, later at the delay that was found.
         gain: logarithm of how much likelier the repeats' differences must be with delays than without.
         explained: share of the differences above the noise that delays must explain: a wandering sensor has
-            0.6, delays of up to 12 ms have 0.98.
+            0.6, short delays have 0.98.
         long_s: smallest standard deviation of long delays, s. A reversal that is so late meets the next one,
             and what the two do is not the sum of what each does.
         long_explained: the share that long delays must explain: planted ones of 17 and 24 ms have 0.88.

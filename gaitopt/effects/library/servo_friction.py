@@ -97,9 +97,10 @@ def _sense_torque(spec: mujoco.MjSpec, nominal: Parts, _: float) -> None:
 
 
 def _loaded(parts: Parts, share: float) -> Update:
-    """Return the loop that adds a share of the torque of all actuators of the joint, the moment before.
+    """Return the loop that adds a share of the torque of all actuators of the joint, a step before.
 
-    It needs no smoothing: friction does not change the torque of a servo at once, only through its motion.
+    A torque that jumps counts at once: ArcFold's joints move by what is left of it in that very step. The
+    loop needs no smoothing: friction does not change the torque of a servo at once, only through its motion.
     """
     sensed_by_dof = _sensed("transmitted", parts)
     addresses = list(sensed_by_dof.values())
