@@ -30,7 +30,7 @@ from gaitopt.robot.roles import Roles
 from gaitopt.robot.trajectory import Trajectory
 
 _LOOP_S = 2e-3
-"""About the time between two calls of a ``loop``.
+"""About the time between two calls of a ``loop`` that is not prompt.
 
 It is far below the times that loops stand for: a supply's bulk capacitor and a servo's 20 ms frame, a
 pad's slip of a tenth of a second.
@@ -68,7 +68,7 @@ Observe = Callable[[Trajectory, float, Parts, np.random.Generator], Trajectory]
 
 
 def loop_steps(step_s: float) -> int:
-    """Return how many steps lie between two calls of a ``loop``.
+    """Return how many steps lie between two calls of a ``loop`` that is not prompt.
 
     Args:
         step_s: length of a step, s.
@@ -77,7 +77,7 @@ def loop_steps(step_s: float) -> int:
 
 
 def loop_interval_s(step_s: float) -> float:
-    """Return the time between two calls of a ``loop``, s.
+    """Return the time between two calls of a ``loop`` that is not prompt, s.
 
     Args:
         step_s: length of a step, s.

@@ -197,7 +197,7 @@ def _executor_for(executor: Executor | str, dataset: DataSet) -> Executor | str:
     """Return the executor that `AUTO` stands for, or the one that was asked for.
 
     What explains logged commands are effects such as `servo_friction_load`, whose Python code is called
-    every 2 ms of the simulation. With them two threads are slower than one, because they wait for the
+    in every step of the simulation. With them two threads are slower than one, because they wait for the
     interpreter, and two processes twice as fast. Without them threads are as fast as processes, and start
     at once.
     """
