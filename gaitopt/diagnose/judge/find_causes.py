@@ -20,12 +20,13 @@ from gaitopt.diagnose.gap.predict import predict_each
 from gaitopt.diagnose.judge.causes import Causes
 from gaitopt.diagnose.judge.chance import fitted_chance
 from gaitopt.diagnose.judge.context import Context
+from gaitopt.diagnose.judge.covariance import with_tolerances
 from gaitopt.diagnose.judge.gait_sets import GaitSets
 from gaitopt.diagnose.judge.gap import Gap, GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.perturbed import perturbed_about
 from gaitopt.diagnose.judge.set_causes import judged_by_sets
-from gaitopt.diagnose.judge.set_verdict import conclude_sets, predicts
+from gaitopt.diagnose.judge.set_verdict import by_own_covariance, conclude_sets, predicts
 from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.small_errors import perturbed_robots
 from gaitopt.diagnose.judge.unevenness import unevenness
@@ -239,6 +240,8 @@ def _concluded_sets(
     verdict = conclude_sets(judgement, judged, len(hypotheses), doubtful, closes)
     if any_effect and not gap.has_logs and not predicts(judgement, judged, meter, gap.floors):
         verdict = verdict.without_causes()
+    if verdict.kind == "no_gap" and judgement.tolerant:
+        verdict = by_own_covariance(judgement, judged, with_tolerances(judgement, context))
     uneven, chance, limit = 0.0, None, context.settings.verdict.uneven  # logged commands have no cycles
     if not gap.has_logs:
         # A clock that is a little too fast makes cycles differ, too, if they are taken from it.

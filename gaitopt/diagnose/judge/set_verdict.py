@@ -74,6 +74,23 @@ def conclude_sets(
     return Verdict(kind, causes, rest, other, chance_alone)
 
 
+def by_own_covariance(judgement: Judgement, sets: JudgedSets, own: Judgement) -> Verdict:
+    """Return the answer without any effect, by the covariance of the nominal robot itself.
+
+    Sets are judged by the covariance about the best of them. Small errors may do much more to that robot than
+    to the nominal one, as where a tether nearly stops it. What is allowed there is allowed there only.
+
+    Args:
+        judgement: the trials and the sets.
+        sets: the sets; trials that the first of them does not fit do not count.
+        own: the trials by the covariance of the nominal robot.
+    """
+    settings = judgement.settings.verdict
+    remains = _upper(judgement, sets, own.trial_set.mean_squares(own.none.whitened))
+    kind = "no_gap" if remains <= settings.left else "unexplained"
+    return Verdict(kind, other_probability=other_probability(remains / settings.other_half, settings))
+
+
 def _named(
     judgement: Judgement, sets: JudgedSets, doubtful: Collection[str], least: float
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -173,11 +190,20 @@ def predicts(judgement: Judgement, sets: JudgedSets, meter: GapMeter, floors: Se
 
 
 def _typical(judgement: Judgement, sets: JudgedSets, candidate: Candidate) -> float:
-    """Return the mean whitened square that is left of held-out data, in the trial at the upper quartile.
+    """Return the mean whitened square that is left of held-out data, see `_upper`."""
+    return _upper(judgement, sets, sets.judge.heldout_left(candidate))
+
+
+def _upper(judgement: Judgement, sets: JudgedSets, left: Array) -> float:
+    """Return what is left of the trial at the upper quartile.
 
     Trials that the first set does not fit do not count, where these are fewer than half.
+
+    Args:
+        judgement: the trials and the sets.
+        sets: the sets.
+        left: what is left of each trial, shape (trials,).
     """
-    left = sets.judge.heldout_left(candidate)
     if sets.candidates:
         odd = misfit_trials(judgement, sets)
         fits = np.array([one.aligned.trial.name not in odd for one in judgement.trial_set.trials])

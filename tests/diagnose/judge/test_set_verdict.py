@@ -10,7 +10,14 @@ import pytest
 from toysets import toy_hypothesis
 
 from gaitopt.diagnose.gap.floor import Floor
-from gaitopt.diagnose.judge.set_verdict import at_work, conclude_sets, misfit_trials, predicts, stand_ins
+from gaitopt.diagnose.judge.set_verdict import (
+    at_work,
+    by_own_covariance,
+    conclude_sets,
+    misfit_trials,
+    predicts,
+    stand_ins,
+)
 from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.settings import VerdictSettings
 from gaitopt.diagnose.judge.verdict import Verdict
@@ -92,6 +99,23 @@ def test_a_trial_that_nothing_fits_does_not_hide_what_explains_the_others() -> N
     assert misfit_trials(judgement, sets) == {"2": 26.0}
     found = conclude_sets(judgement, sets, 10)
     assert (found.kind, found.causes) == ("explained", ("trim",))
+
+
+@pytest.mark.parametrize(
+    ("own", "kind"),
+    [([0.4, 24.0, 7.0], "unexplained"), ([0.4, 1.5, 1.2], "no_gap"), ([0.4, 0.3, 27.0], "no_gap")],
+)
+def test_what_small_errors_do_to_another_robot_is_not_allowed_for_the_nominal_one(
+    own: list[float], kind: str
+) -> None:
+    judgement, sets = with_trials([0.4, 0.7, 26.0], [0.4, 0.7, 26.0], moved=0.0)
+    sets = replace(sets, none=1.0)
+    assert conclude_sets(judgement, sets, 10).kind == "no_gap"
+    trial_set = SimpleNamespace(mean_squares=lambda whitened: np.array(whitened))
+    itself: Any = SimpleNamespace(trial_set=trial_set, none=SimpleNamespace(whitened=own))
+    found = by_own_covariance(judgement, sets, itself)
+    assert (found.kind, found.causes) == (kind, ())
+    assert (found.other_probability > 0.5) == (kind == "unexplained")
 
 
 @pytest.mark.parametrize(
