@@ -241,7 +241,7 @@ def _concluded_sets(
     if any_effect and not gap.has_logs and not predicts(judgement, judged, meter, gap.floors):
         verdict = verdict.without_causes()
     if verdict.kind == "no_gap" and judgement.tolerant:
-        verdict = by_own_covariance(judgement, judged, with_tolerances(judgement, context))
+        verdict = by_own_covariance(verdict, judgement, judged, with_tolerances(judgement, context))
     uneven, chance, limit = 0.0, None, context.settings.verdict.uneven  # logged commands have no cycles
     if not gap.has_logs:
         # A clock that is a little too fast makes cycles differ, too, if they are taken from it.

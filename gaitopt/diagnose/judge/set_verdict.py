@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,13 +75,14 @@ def conclude_sets(
     return Verdict(kind, causes, rest, other, chance_alone)
 
 
-def by_own_covariance(judgement: Judgement, sets: JudgedSets, own: Judgement) -> Verdict:
-    """Return the answer without any effect, by the covariance of the nominal robot itself.
+def by_own_covariance(verdict: Verdict, judgement: Judgement, sets: JudgedSets, own: Judgement) -> Verdict:
+    """Return an answer without any effect, by the covariance of the nominal robot itself.
 
     Sets are judged by the covariance about the best of them. Small errors may do much more to that robot than
     to the nominal one, as where a tether nearly stops it. What is allowed there is allowed there only.
 
     Args:
+        verdict: the answer by the covariance about the best set.
         judgement: the trials and the sets.
         sets: the sets; trials that the first of them does not fit do not count.
         own: the trials by the covariance of the nominal robot.
@@ -88,7 +90,9 @@ def by_own_covariance(judgement: Judgement, sets: JudgedSets, own: Judgement) ->
     settings = judgement.settings.verdict
     remains = _upper(judgement, sets, own.trial_set.mean_squares(own.none.whitened))
     kind = "no_gap" if remains <= settings.left else "unexplained"
-    return Verdict(kind, other_probability=other_probability(remains / settings.other_half, settings))
+    return replace(
+        verdict, kind=kind, other_probability=other_probability(remains / settings.other_half, settings)
+    )
 
 
 def _named(

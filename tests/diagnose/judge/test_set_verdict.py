@@ -110,10 +110,11 @@ def test_what_small_errors_do_to_another_robot_is_not_allowed_for_the_nominal_on
 ) -> None:
     judgement, sets = with_trials([0.4, 0.7, 26.0], [0.4, 0.7, 26.0], moved=0.0)
     sets = replace(sets, none=1.0)
-    assert conclude_sets(judgement, sets, 10).kind == "no_gap"
+    verdict = conclude_sets(judgement, sets, 10)
+    assert verdict.kind == "no_gap"
     trial_set = SimpleNamespace(mean_squares=lambda whitened: np.array(whitened))
     itself: Any = SimpleNamespace(trial_set=trial_set, none=SimpleNamespace(whitened=own))
-    found = by_own_covariance(judgement, sets, itself)
+    found = by_own_covariance(verdict, judgement, sets, itself)
     assert (found.kind, found.causes) == (kind, ())
     assert (found.other_probability > 0.5) == (kind == "unexplained")
 
