@@ -15,6 +15,7 @@ from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.gap import GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.sets import JudgedSets
+from gaitopt.diagnose.judge.settings import VerdictSettings
 from gaitopt.diagnose.judge.verdict import Verdict, other_probability
 
 Array = NDArray[np.float64]
@@ -41,10 +42,7 @@ def conclude_sets(
     """
     settings = judgement.settings.verdict
     if not sets.candidates or sets.none >= sets.scores[0]:
-        remains = _typical(judgement, sets, judgement.none)
-        other = other_probability(remains / settings.other_half, settings)
-        kind = "no_gap" if remains <= settings.left else "unexplained"
-        return Verdict(kind, other_probability=other)
+        return _without_effects(Verdict("no_gap"), _typical(judgement, sets, judgement.none), settings)
     first = judgement.first
     chance_alone = min(1.0, n_hypotheses * math.exp(min(0.0, sets.none - float(sets.scores[0]))))
     causes, rest = _named(judgement, sets, doubtful, settings.matters)
@@ -87,12 +85,15 @@ def by_own_covariance(verdict: Verdict, judgement: Judgement, sets: JudgedSets, 
         sets: the sets; trials that the first of them does not fit do not count.
         own: the trials by the covariance of the nominal robot.
     """
-    settings = judgement.settings.verdict
     remains = _upper(judgement, sets, own.trial_set.mean_squares(own.none.whitened))
+    return _without_effects(verdict, remains, judgement.settings.verdict)
+
+
+def _without_effects(verdict: Verdict, remains: float, settings: VerdictSettings) -> Verdict:
+    """Return an answer that names no effect, by what the nominal robot leaves."""
     kind = "no_gap" if remains <= settings.left else "unexplained"
-    return replace(
-        verdict, kind=kind, other_probability=other_probability(remains / settings.other_half, settings)
-    )
+    other = other_probability(remains / settings.other_half, settings)
+    return replace(verdict, kind=kind, other_probability=other)
 
 
 def _named(
