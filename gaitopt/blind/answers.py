@@ -138,6 +138,27 @@ class Case(BaseModel):
         return [name for name in self.diagnosis.causes if name not in self.planted]
 
     @property
+    def absent_causes(self) -> list[str]:
+        """Those of them that are no small error of the robot either: their interval does not hold it."""
+        return [name for name in self.false_causes if not self._is_small_error(name)]
+
+    def _is_small_error(self, name: str) -> bool:
+        row = self.row(name)
+        if row is None:
+            return False
+        own = [error for error in self.truth.errors if (error.name, error.target) == (name, row.target)]
+        return any(
+            row.parameters[parameter].covers(true)
+            for error in own
+            for parameter, true in error.parameters.items()
+            if parameter in row.parameters
+        )
+
+    def misfits(self, least: float) -> list[str]:
+        """Return the misfit trials that were moved so many times as far as small errors move them."""
+        return [name for name, moved in self.truth.misfits_beside_errors.items() if moved >= least]
+
+    @property
     def speeds(self) -> dict[str, tuple[float, ExpectedSpeed]]:
         """The true speed of each baseline that was not recorded, m/s, and what the diagnosis expects."""
         true = self.truth.speeds_m_s

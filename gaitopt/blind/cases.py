@@ -154,6 +154,8 @@ def make_case(
         seen_beside_errors=dict(recording.seen_beside_errors),
         trials=tuple(recording.paths),
         misfits={name: misfit.name for name, misfit in recording.misfits.items()},
+        misfits_beside_errors=dict(recording.misfits_beside_errors),
+        errors=tuple(recording.errors),
         speeds_m_s=dict(recording.speeds),
     )
     seal(out, case_name(index), truth)

@@ -15,11 +15,14 @@ import tomli_w
 from numpy.typing import NDArray
 
 from gaitopt.blind.drawing import Draw
+from gaitopt.blind.errors import as_effects
 from gaitopt.blind.factory import CaseFactory, observed
 from gaitopt.blind.misfits import Misfit, draw_misfit, walk_with
+from gaitopt.blind.sealed import PlantedEffect
 from gaitopt.core.errors import bad_value
 from gaitopt.core.files import csv_text, write_text
 from gaitopt.diagnose.judge.small_errors import with_small_errors
+from gaitopt.effects.active import ActiveEffect
 from gaitopt.gait.gait import Gait
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
@@ -29,7 +32,7 @@ from gaitopt.robot.trajectory import Trajectory
 from gaitopt.simulation.metrics import SPEED, measure
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
-from gaitopt.simulation.tolerances import draw_errors, draw_measurement
+from gaitopt.simulation.tolerances import SmallErrors, draw_errors, draw_measurement
 
 Array = NDArray[np.float64]
 
@@ -67,6 +70,8 @@ class Recording:
         seen: of several effects, how far each moves the robot beside the others, in floors; by effect.
         seen_beside_errors: the same, over how far other small errors move it.
         misfits: what is wrong with trials that do not fit the others.
+        misfits_beside_errors: how far each of these moved its trial, over how far small errors move it.
+        errors: its small errors, as effects, where it is a little wrong in everything.
         speeds: how fast it goes in the baselines that were not recorded, from the nominal pose, m/s.
     """
 
@@ -77,6 +82,8 @@ class Recording:
     seen: Mapping[str, float]
     seen_beside_errors: Mapping[str, float]
     misfits: Mapping[str, Misfit]
+    misfits_beside_errors: Mapping[str, float]
+    errors: Sequence[PlantedEffect]
     speeds: Mapping[str, float]
 
 
@@ -96,18 +103,29 @@ class Numerics:
     errors_seed: int
     everything: bool
 
+    def errors(self, factory: CaseFactory) -> tuple[PlantedEffect, ...]:
+        """Return the small errors as effects; none where not everything is a little wrong."""
+        if not self.everything:
+            return ()
+        return as_effects(*self._drawn(factory), factory.hypotheses, factory.nominal.effects.nominal)
+
+    def _drawn(self, factory: CaseFactory) -> tuple[SmallErrors, tuple[ActiveEffect, ...]]:
+        """Return the errors of a robot that is a little wrong in everything, and those of its camera."""
+        tolerances, rng = factory.problem.file.tolerances, np.random.default_rng(self.errors_seed)
+        errors = draw_errors(factory.nominal.effects.nominal, tolerances, rng)
+        return errors, draw_measurement(tolerances, rng)
+
     def robot(self, factory: CaseFactory, draw: Draw) -> Simulator:
         """Return a robot with what was planted, and small errors; those of a scenario are in it."""
-        problem, rng = factory.problem, np.random.default_rng(self.errors_seed)
+        problem = factory.problem
         if self.everything:
-            tolerances = problem.file.tolerances
-            errors = draw_errors(factory.nominal.effects.nominal, tolerances, rng)
+            errors, measurement = self._drawn(factory)
             robot = draw.robot(problem, self.fidelity, Scenario(errors))
-            measurement = draw_measurement(tolerances, rng)
             seen = replace(robot.effects, active=(*robot.effects.active, *measurement))
             robot, model = replace(robot, effects=seen), copy.copy(robot.models[0])
         else:
             robot = draw.robot(problem, self.fidelity)
+            rng = np.random.default_rng(self.errors_seed)
             model = with_small_errors(copy.copy(robot.models[0]), robot, rng)
         model.opt.impratio = self.impratio
         mujoco.mj_setConst(model, mujoco.MjData(model))
@@ -154,6 +172,7 @@ def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor:
         label: _walks(factory, robot, poses, misfits if label == _CASE else {}, executor)
         for label, robot in robots.items()
     }
+    ordinary = _walks(factory, robots[_CASE], {name: poses[name] for name in misfits}, {}, executor)
     unseen = {
         name: executor.submit(_speed, factory.problem, robots[_CASE], gait)
         for name, gait in factory.problem.baselines.items()
@@ -171,11 +190,14 @@ def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor:
     gaps = {label: float(one.max()) for label, one in apart.items() if label not in twins}
     gap = gaps.pop(_NOTHING, 0.0)
     beside = _beside_errors({label: apart[label] for label in gaps}, [apart[label] for label in twins])
+    usual = {name: future.result() for name, future in ordinary.items()}
+    odd = _misfits_beside_errors(factory, usual, paths[_CASE], [paths[label] for label in twins])
     camera = Camera(known, fps, noise)
     figures["known"] = float(known)
     speeds = {name: future.result() for name, future in unseen.items()}
     going = {name: speed for name, speed in speeds.items() if math.isfinite(speed)}
-    return Recording(paths[_CASE], gap, camera, figures, gaps, beside, misfits, going)
+    errors = numerics.errors(factory)
+    return Recording(paths[_CASE], gap, camera, figures, gaps, beside, misfits, odd, errors, going)
 
 
 def _speed(problem: Problem, robot: Simulator, gait: Gait) -> float:
@@ -207,6 +229,27 @@ def _beside_errors(gaps: Mapping[str, Array], twins: Sequence[Array]) -> dict[st
     return {name: float(np.max(gap / floors)) for name, gap in gaps.items()}
 
 
+def _misfits_beside_errors(
+    factory: CaseFactory,
+    usual: Mapping[str, Trajectory],
+    recorded: Mapping[str, Trajectory],
+    twins: Sequence[Mapping[str, Trajectory]],
+) -> dict[str, float]:
+    """Return how far each misfit moved its trial, over how far small errors move it, by its gait.
+
+    Args:
+        factory: what all cases share.
+        usual: what the robot does in these gaits without the misfit.
+        recorded: what it did in every gait.
+        twins: the same of robots with other small errors, without a misfit.
+    """
+    moved: dict[str, float] = {}
+    for name, path in usual.items():
+        apart = [factory.floors_apart({name: path}, other) for other in (recorded, *twins)]
+        moved |= _beside_errors({name: apart[0]}, apart[1:])
+    return moved
+
+
 def _without_each(draw: Draw) -> dict[str, Draw]:
     """Return the case with nothing planted, and of several effects that without each of them, by its name."""
     without = {_NOTHING: replace(draw, kind="none", planted=(), disturbance=None)}
@@ -224,10 +267,11 @@ def _walks(
     misfits: Mapping[str, Misfit],
     executor: Executor,
 ) -> dict[str, Future[Trajectory]]:
-    """Return the walks of a robot, one for each gait, each from its own start pose."""
+    """Return the walks of a robot, each from its own start pose; one for each gait that has a pose."""
     walks = {}
-    for name, gait in factory.gaits.items():
-        posed = replace(robot, scenarios=(replace(poses[name], errors=robot.scenarios[0].errors),))
+    for name, pose in poses.items():
+        gait = factory.gaits[name]
+        posed = replace(robot, scenarios=(replace(pose, errors=robot.scenarios[0].errors),))
         if name in misfits:
             walks[name] = executor.submit(walk_with, misfits[name], factory, posed, gait)
         else:

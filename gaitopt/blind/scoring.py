@@ -109,7 +109,9 @@ class Score:
         several_named: of several effects, those named among the ones that are visible beside the others.
         several_named_beside_errors: the same among those that are visible beside small errors, too.
         several_false: causes in a case of several effects that were not planted: mean number.
+        several_absent: the same without small errors of the robot, of which the answer has the right size.
         misfits_found: trials that do not fit the others, named as such.
+        misfits_found_beside_errors: the same among those that are moved visibly beside small errors.
         misfits_false: other trials of such cases that were named so.
         coverage: true parameter inside its interval, where the effect was found.
         speeds_covered: speeds of baselines that were not recorded inside their intervals; all kinds.
@@ -134,7 +136,9 @@ class Score:
     several_named: Estimate
     several_named_beside_errors: Estimate
     several_false: Estimate
+    several_absent: Estimate
     misfits_found: Estimate
+    misfits_found_beside_errors: Estimate
     misfits_false: Estimate
     coverage: Estimate
     speeds_covered: Estimate
@@ -166,6 +170,7 @@ def score(cases: Sequence[Case], settings: ScoreSettings = ScoreSettings()) -> S
     visible = [(c, name) for c in several for name in c.visible(settings.small_gap)]
     clear = [(c, name) for c in several for name in c.visible_beside_errors(settings.small_gap)]
     trials = [(c, name) for c in several for name in c.truth.trials]
+    odd = [(c, name) for c in several for name in c.misfits(settings.small_gap)]
     found = [c.parameter for c in singles if c.top_right]
     known = [parameter for parameter in found if parameter is not None]
     errors = [
@@ -187,7 +192,9 @@ def score(cases: Sequence[Case], settings: ScoreSettings = ScoreSettings()) -> S
         several_named=rate(visible, lambda pair: pair[1] in pair[0].answer, settings),
         several_named_beside_errors=rate(clear, lambda pair: pair[1] in pair[0].answer, settings),
         several_false=mean([float(len(c.false_causes)) for c in several], settings),
+        several_absent=mean([float(len(c.absent_causes)) for c in several], settings),
         misfits_found=rate([t for t in trials if _is_misfit(t)], _is_called_misfit, settings),
+        misfits_found_beside_errors=rate(odd, _is_called_misfit, settings),
         misfits_false=rate([t for t in trials if not _is_misfit(t)], _is_called_misfit, settings),
         coverage=rate(known, lambda p: p.fitted.covers(p.true), settings),
         speeds_covered=rate(
@@ -299,6 +306,7 @@ def sentences(record: Score) -> list[str]:
         "of several effects, those named": record.several_named,
         "of those that are visible beside small errors": record.several_named_beside_errors,
         "trials that do not fit, found": record.misfits_found,
+        "of those that are visible beside small errors, found": record.misfits_found_beside_errors,
         "trials that fit, called misfits": record.misfits_false,
         "90 % intervals that cover": record.coverage,
         "speeds of gaits not filmed, in their 90 % interval": record.speeds_covered,
@@ -306,6 +314,7 @@ def sentences(record: Score) -> list[str]:
     means = {
         "mean size of the set": record.mean_set_size,
         "mean number of false causes beside several": record.several_false,
+        "of them, those that are no small error of the robot either": record.several_absent,
         "mean relative error of the parameter": record.parameter_error,
         "shrinkage, of what knowing the effect reaches": record.shrinkage_of_oracle,
     }

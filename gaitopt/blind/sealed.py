@@ -51,6 +51,8 @@ class Truth(BaseModel):
         seen_beside_errors: the same, over how far other small errors move the robot.
         trials: names of the trials.
         misfits: those that do not fit the others, and what is wrong with each.
+        misfits_beside_errors: how far each of these moved its trial, over how far small errors move it.
+        errors: the robot's small errors, as effects, where it is a little wrong in everything.
         speeds_m_s: how fast the robot goes in the baselines that were not recorded, m/s, by their names.
     """
 
@@ -64,6 +66,8 @@ class Truth(BaseModel):
     seen_beside_errors: dict[str, PlainNumber] = {}
     trials: tuple[str, ...] = ()
     misfits: dict[str, str] = {}
+    misfits_beside_errors: dict[str, PlainNumber] = {}
+    errors: tuple[PlantedEffect, ...] = ()
     speeds_m_s: dict[str, PlainNumber] = {}
 
     @model_validator(mode="after")

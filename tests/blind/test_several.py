@@ -1,10 +1,13 @@
 """Cases of several effects on a robot that is a little wrong in everything else, too."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gaitopt.blind.answers import Answer, Case
 from gaitopt.blind.cases import CaseRequest, make_cases
@@ -18,6 +21,7 @@ from gaitopt.blind.settings import BlindSettings
 from gaitopt.optimise.executors import open_executor
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
+from gaitopt.simulation.rollout import Simulator
 
 PLAN = RecordingPlan(("square-1s", "square-0.5s"), 3.0)
 
@@ -44,6 +48,9 @@ def test_each_of_several_effects_is_seen_beside_the_others(arcfold: Problem, tmp
         assert set(truth.speeds_m_s) == set(arcfold.baselines) - set(PLAN.gaits)
         assert all(0.0 < abs(speed) < 0.2 for speed in truth.speeds_m_s.values())
         assert len(truth.misfits) == 1, "half of the trials fit at least"
+        assert set(truth.misfits_beside_errors) == set(truth.misfits)
+        assert all(moved > 0.0 for moved in truth.misfits_beside_errors.values())
+        assert {error.name for error in truth.errors} >= {"servo_trim", "pad_friction", "camera_tilt"}
         assert (tmp_path / case / "dataset.toml").is_file()
 
 
@@ -59,6 +66,46 @@ def test_everything_is_a_little_wrong(factory: CaseFactory) -> None:
     assert np.abs(frictions[0][pads] / nominal.geom_friction[pads, 0] - 1.0).min() > 1e-6
     assert len(set(robots[0].scenarios[0].errors.servo_trim_rad)) == len(factory.problem.channel_names)
     assert {one.effect.name for one in robots[0].effects.active} >= {"camera_scale", "camera_tilt"}
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("servo_torque_limit", lambda model: model.actuator_forcerange[:, 1]),
+        ("servo_gain", lambda model: model.actuator_gainprm[:, 0]),
+        ("servo_damping", lambda model: model.dof_damping),
+    ],
+)
+def test_small_errors_are_told_as_effects(
+    name: str, read: Callable[[mujoco.MjModel], NDArray[np.float64]], factory: CaseFactory
+) -> None:
+    """By the library, they make the servos of the nominal robot those of the robot that has them."""
+    numerics = Numerics(Fidelity(timestep_s=1e-3, integrator="implicitfast"), 5.0, 3, True)
+    told = [effect for effect in numerics.errors(factory) if effect.name == name and effect.target != "all"]
+    tables = [effect.parameters | {"target": effect.target} for effect in told]
+    rebuilt = Simulator.build(factory.problem.with_effects({name: tables}))
+    erring = numerics.robot(factory, Draw("none"))
+    np.testing.assert_allclose(read(rebuilt.models[0]), read(erring.models[0]))
+    changed = read(rebuilt.models[0]) != read(factory.nominal.models[0])
+    assert np.sum(changed) == len(factory.problem.channel_names)
+
+
+def test_an_effect_on_all_servos_has_their_mean_error(factory: CaseFactory) -> None:
+    numerics = Numerics(Fidelity(timestep_s=1e-3, integrator="implicitfast"), 5.0, 3, True)
+    erring = numerics.robot(factory, Draw("none"))
+    trims = {e.target: e.parameters["offset_rad"] for e in numerics.errors(factory) if e.name == "servo_trim"}
+    own = erring.scenarios[0].errors.servo_trim_rad
+    assert tuple(trims[channel] for channel in factory.problem.channel_names) == own
+    assert trims["all"] == pytest.approx(np.mean(own))
+    pads = [factory.nominal.models[0].geom(pad).id for pad in factory.problem.roles.pads]
+    (told,) = [e.parameters["scale"] for e in numerics.errors(factory) if e.name == "pad_friction"]
+    friction = [robot.models[0].geom_friction[pads, 0] for robot in (erring, factory.nominal)]
+    assert told == pytest.approx(np.mean(friction[0] / friction[1]))
+
+
+def test_nothing_else_is_wrong_with_an_exactly_made_robot(factory: CaseFactory) -> None:
+    numerics = Numerics(Fidelity(timestep_s=1e-3, integrator="implicitfast"), 5.0, 3, False)
+    assert numerics.errors(factory) == ()
 
 
 @pytest.mark.parametrize(
@@ -128,3 +175,40 @@ def test_effects_that_cannot_be_seen_need_not_be_named() -> None:
     assert record.several_false.value == 0.5
     assert (record.misfits_found.value, record.misfits_found.cases) == (0.5, 2)
     assert (record.misfits_false.value, record.misfits_false.cases) == (0.25, 4)
+
+
+def test_a_small_error_of_the_robot_that_is_named_is_there() -> None:
+    """If the interval of its size holds the true one; an error of another servo, or none, is not there."""
+    told = PlantedEffect(name="servo_gain", target="foot1", parameters={"scale": 1.08})
+    other = PlantedEffect(name="servo_damping", target="foot1", parameters={"scale": 1.08})
+    one = case(["servo_trim", "servo_gain", "servo_damping"], {})
+    truth = one.truth.model_copy(update={"errors": (told, other)})
+
+    def named(name: str, target: str, ends: tuple[float, float]) -> dict[str, object]:
+        size = {"scale": {"value": np.mean(ends), "ci90": ends}}
+        row = {"name": name, "target": target, "probability": 1.0, "parameters": size}
+        return row | {"heldout_shrinkage": 0.5, "alike": 1.0}
+
+    def absent(*rows: dict[str, object]) -> float | None:
+        answer = Answer.model_validate(one.diagnosis.model_dump() | {"effects": rows})
+        record = score([one.model_copy(update={"truth": truth, "diagnosis": answer})])
+        assert record.several_false.value == 2.0
+        return record.several_absent.value
+
+    assert absent(named("servo_gain", "foot1", (1.05, 1.1))) == 1.0
+    assert absent(named("servo_gain", "foot1", (1.1, 1.2))) == 2.0
+    assert absent(named("servo_gain", "foot2", (1.05, 1.1))) == 2.0
+    assert (
+        absent(named("servo_gain", "foot1", (1.0, 1.1)), named("servo_damping", "foot1", (1.0, 1.1))) == 0.0
+    )
+
+
+def test_misfits_that_small_errors_hide_need_not_be_found() -> None:
+    one = case(["servo_trim"], {})
+    counted = []
+    for moved in (1.7, 3.5):
+        truth = one.truth.model_copy(update={"misfits_beside_errors": {"1s": moved}})
+        record = score([one.model_copy(update={"truth": truth})])
+        assert record.misfits_found.cases == 1
+        counted.append(record.misfits_found_beside_errors.cases)
+    assert counted == [0, 1]
