@@ -42,6 +42,22 @@ def merit(problem: Problem, outcomes: Sequence[Outcome], margin: float, error: f
     return replace(judged, cost=finite(cost), violations=violations)
 
 
+def merit_of_means(problem: Problem, evaluation: Evaluation, error: float) -> float:
+    """Return nearly the same cost where only the means over the robots are known; lower is better.
+
+    Args:
+        problem: the problem.
+        evaluation: the gait, over all robots.
+        error: standard deviation of what a predicted drift, sideways over forward travel, is off.
+    """
+    objective = problem.objective
+    limit = objective.constraints.get(SIDEWAYS_RATIO)
+    if evaluation.status != "ok" or limit is None or limit.max is None:
+        return evaluation.cost
+    others = sum(size for name, size in evaluation.violations.items() if name != SIDEWAYS_RATIO)
+    return _cost(objective, evaluation.metrics, limit.max, error) + objective.penalty * others
+
+
 def _cost(objective: Objective, row: Metrics, limit: float, error: float) -> float:
     """Return the weighted sum of the metrics; what it earns counts with the probability of going straight."""
     cost = objective.weighted(mean_metrics([row]))

@@ -15,6 +15,8 @@ class SearchShares:
     depends much on chance. So there are several of these, and the robust one sets out from what they found.
 
     Attributes:
+        repertoire: gaits of the first search that are known beside its winner. All searches set out from
+            them, too.
         own_robots: robots of the posterior that a gait of its own is searched for.
         own: share of the budget for each of these searches; a gait there costs one rollout.
         robots: robots of the posterior that judge each gait of the robust search.
@@ -23,6 +25,7 @@ class SearchShares:
         study: how the searches work.
     """
 
+    repertoire: int = 8
     own_robots: int = 3
     own: float = 0.25
     robots: int = 3

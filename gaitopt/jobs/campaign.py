@@ -22,7 +22,7 @@ from gaitopt.export.formats import FORMATS
 from gaitopt.export.handover import Choices
 from gaitopt.gait.gait import BEST_FILE, Gait
 from gaitopt.jobs.campaign_status import Next, Status
-from gaitopt.jobs.campaign_step import StepWork
+from gaitopt.jobs.campaign_step import NOMINAL, StepWork
 from gaitopt.jobs.executor import check_executor, opened
 from gaitopt.jobs.export import export
 from gaitopt.jobs.inputs import checked_seed
@@ -214,7 +214,7 @@ class Campaign:
 
         self.go_on()
         problem, seed = self.problem, self._folder.request.seed
-        first = self._folder.gaits[1]
+        first = next(one.gait for one in self._step(0).candidates if one.name == NOMINAL)
         rivals = [
             ("the nominal winner, filmed once", [Tried(first, measure(first))]),
             (

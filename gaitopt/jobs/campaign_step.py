@@ -11,6 +11,7 @@ from pathlib import Path
 from gaitopt.campaign.check import same_gait
 from gaitopt.campaign.choice import Known, choose
 from gaitopt.campaign.records import FilmRow, Step
+from gaitopt.campaign.repertoire import repertoire
 from gaitopt.campaign.robots import own_scenarios, prior_robots, walked
 from gaitopt.campaign.search import Search
 from gaitopt.campaign.settings import CampaignSettings
@@ -33,6 +34,7 @@ from gaitopt.runs.diagnosis_folder import read_diagnosis
 from gaitopt.runs.folder import POSTERIOR_FILE, held
 from gaitopt.runs.folder import REQUEST_FILE as RUN_FILE
 from gaitopt.runs.posterior import read_robots
+from gaitopt.runs.run_folder import RunFolder
 from gaitopt.simulation.metrics import SIDEWAYS_RATIO
 from gaitopt.simulation.rollout import Simulator
 
@@ -40,7 +42,9 @@ _MORE_THAN_CYCLES = 0.1
 """A film that is shortened keeps this much more than the cycles that a diagnosis needs."""
 
 _DIAGNOSIS = "diagnosis"
-_NOMINAL = "nominal"
+
+NOMINAL = "nominal"
+"""Name of the winner on the nominal robot, and of its run; its repertoire has a number behind."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ class StepWork:
 
     def _first(self, problem: Problem) -> Step:
         """Search on the nominal robot, and try what it finds on robots as they are plausible."""
-        run = self._place / _NOMINAL
+        run = self._place / NOMINAL
         request = self.folder.request
         if (run / RUN_FILE).is_file():
             optimise(resume=run, executor=self.executor, on_progress=self.on_progress)
@@ -88,8 +92,13 @@ class StepWork:
                 executor=self.executor,
                 on_progress=self.on_progress,
             )
-        winner = replace(problem.find_gait(str(run / BEST_FILE)), name=_NOMINAL)
-        gaits = _distinct(problem.space, {_NOMINAL: winner, **problem.baselines})
+        winner = problem.find_gait(str(run / BEST_FILE))
+        opened = RunFolder.reopen(run)
+        entries = opened.folder.open_journal(opened.problem).entries
+        count, error = self.settings.search.repertoire, self.settings.belief.drift
+        others = enumerate(repertoire(entries, problem, winner, count, error), 2)
+        found = {NOMINAL: winner} | {f"{NOMINAL}-{rank}": gait for rank, gait in others}
+        gaits = _distinct(problem.space, {**found, **problem.baselines})
         return self._chosen(problem, gaits, self._prior(problem), errors=True)
 
     def _later(self, problem: Problem) -> Step:
@@ -100,7 +109,13 @@ class StepWork:
         filmed = {f"film {number}": gait for number, gait in self.folder.gaits.items()}
         last = [before.candidates[index] for index in (before.best, before.next)] if before else []
         known = filmed | {f"last {one.name.removeprefix('last ')}": one.gait for one in last}
-        starts = _distinct(problem.space, {**known, **problem.baselines})
+        tried = {
+            f"{number}: {one.name}": one.gait
+            for number in (self.number - 1, 0)
+            if (step := self.folder.step(number)) is not None
+            for one in step.candidates
+        }
+        starts = _distinct(problem.space, {**known, **tried, **problem.baselines})
         search = Search(
             problem,
             robots,
