@@ -4,31 +4,18 @@ import math
 from dataclasses import replace
 
 import pytest
-from helpers import STRIDER
 from hypothesis import given
 from hypothesis import strategies as st
+from outcomes import FAST, LIMITS, looking_for, walk
 
 from gaitopt.campaign.merit import merit
 from gaitopt.optimise.evaluator import Outcome, judge
-from gaitopt.problem.objective import Constraint, Objective, Quantile
-from gaitopt.problem.problem import Problem, load_problem
+from gaitopt.problem.objective import Quantile
+from gaitopt.problem.problem import Problem
 from gaitopt.simulation.objective import FAILED_COST
 
 ERROR = 0.075
-LIMITS = {"sideways_ratio": Constraint(max=0.1, scale=0.1), "tilt_rad": Constraint(max=0.5, scale=0.1)}
-NOMINAL = load_problem(STRIDER)
-
-
-def looking_for(objective: Objective) -> Problem:
-    return replace(NOMINAL, file=NOMINAL.file.model_copy(update={"objective": objective}))
-
-
-FAST = Objective(terms={"speed_m_s": -1.0}, penalty=0.05, constraints=LIMITS)
 PROBLEM = looking_for(FAST)
-
-
-def walk(speed: float, drift: float, tilt: float = 0.1, status: str = "ok") -> Outcome:
-    return Outcome({"speed_m_s": speed, "sideways_ratio": drift, "tilt_rad": tilt}, status, 1.0)
 
 
 def cost(*walks: Outcome, problem: Problem = PROBLEM, error: float = ERROR) -> float:

@@ -7,8 +7,10 @@ import random
 import signal
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,8 +19,10 @@ from campaigns import begun, brief, content, told_twice, walker
 from helpers import STRIDER, still
 from page_audit import faults_of
 
-from gaitopt.campaign.check import film_of
+from gaitopt.campaign.check import film_of, same_gait
+from gaitopt.campaign.search import Search
 from gaitopt.core.errors import GaitoptError, MachineError
+from gaitopt.gait.gait import Gait
 from gaitopt.jobs.campaign import Campaign
 from gaitopt.jobs.outputs import Stopped
 from gaitopt.optimise.processes import LostWorkersError
@@ -56,6 +60,29 @@ def test_the_next_film_has_the_keys_of_the_contract(campaign: Campaign) -> None:
     assert (campaign.path / "films/01/gait.toml").is_file()
     assert list((campaign.path / "films/01/player").iterdir())
     assert (campaign.path / "campaign.html").is_file()
+
+
+def test_searches_set_out_from_the_repertoire_of_the_first_one(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its winner and other good gaits, which were tried on possible robots before the first film."""
+    first = campaign._folder.step(0)
+    assert first is not None
+    names = [one.name for one in first.candidates]
+    assert names[:2] == ["nominal", "nominal-2"]
+    started: list[Sequence[Gait]] = []
+    searched = Search.candidates
+
+    def spied(search: Search, known: Mapping[str, Gait], *others: Any) -> dict[str, Gait]:
+        started.append([*known.values()])
+        return searched(search, known, *others)
+
+    monkeypatch.setattr(Search, "candidates", spied)
+    with brief():
+        campaign.tell(walker()(campaign.next_gait))
+    space = campaign.problem.space
+    for one in first.candidates:
+        assert any(same_gait(space, one.gait, gait) for gait in started[0])
 
 
 def test_the_status_can_be_asked_while_another_command_works(campaign: Campaign) -> None:
