@@ -71,7 +71,7 @@ class Belief:
             assumed: standard deviation of the discrepancy before any film, m/s.
             settings: see `BeliefSettings`.
         """
-        length = settings.length * math.sqrt(points.shape[1])
+        length = settings.length
         left = filmed.speeds - speeds[:, filmed.gaits]
         at = points[filmed.gaits]
         variance = _variance(assumed, left.mean(axis=0), at, length, settings)

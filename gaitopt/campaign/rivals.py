@@ -25,6 +25,12 @@ _NEAR = 0.1
 """Standard deviation of the latter about the best one, in units of the space."""
 
 
+_LENGTH = 0.205
+"""Length scale of the speed over the gait space, times the root of its number of coordinates: the mode of the
+prior of Hvarfner, Hellsten and Nardi, "Vanilla Bayesian Optimization Performs Great in High Dimensions"
+(2024), arXiv:2402.02229: log-normal about sqrt(2) + log(d) / 2, of standard deviation sqrt(3)."""
+
+
 @dataclass(frozen=True)
 class Tried:
     """A gait that a rival filmed.
@@ -114,7 +120,7 @@ def _improvement(
     scale = max(float(speeds.std()), settings.size * float(np.abs(speeds).max()), 1e-6)
     noise = np.full(len(at), (settings.repeatability * float(np.abs(speeds).max())) ** 2)
     wanted, known = embedded(points, circular), embedded(at, circular)
-    length = settings.length * math.sqrt(wanted.shape[1])
+    length = _LENGTH * math.sqrt(wanted.shape[1])
     process = Conditioned.of(wanted, known, noise, scale**2, length)
     mean = speeds.mean() + process.gain @ (speeds - speeds.mean())
     deviation = np.maximum(process.deviation, 1e-9)

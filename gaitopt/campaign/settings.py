@@ -39,10 +39,10 @@ class BeliefSettings:
     """What is expected where nothing was filmed yet.
 
     Attributes:
-        length: length scale of the discrepancy between measured and predicted speed, in units of the gait
-            space, times the root of its number of coordinates. It is the mode of the prior of Hvarfner,
-            Hellsten and Nardi, "Vanilla Bayesian Optimization Performs Great in High Dimensions" (2024),
-            arXiv:2402.02229: log-normal about sqrt(2) + log(d) / 2, of standard deviation sqrt(3).
+        length: length scale of the discrepancy between measured and predicted speed or drift, in units of
+            the gait space. Simulated: of three robots that are a little wrong in everything it is unlike in
+            two gaits that are 0.1 to 0.2 apart (results/campaigns/discrepancy.md). A length for an objective
+            of which nothing is known, 0.85 for ArcFold, would take a film for one of all gaits near it.
         size: standard deviation of the discrepancy before any film, as a share of the highest predicted
             speed. Assumed: predictions of gaits that were not filmed are often a tenth off, and at times a
             third.
@@ -58,7 +58,7 @@ class BeliefSettings:
         draws: joint draws of all speeds, for what there is still to gain.
     """
 
-    length: float = 0.205
+    length: float = 0.15
     size: float = 0.15
     evidence: float = 2.0
     repeatability: float = 0.01
