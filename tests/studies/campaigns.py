@@ -7,7 +7,7 @@ Speeds are true ones, without a camera, over several start poses, as a share of 
 violated limit that any method, or a search on the true robot, has found. With ``--filmed``, a campaign sees
 its robot through the films of a synthetic phone, which are tracked and told as a user does it.
 
-    python tests/studies/campaigns.py --cases 24 --seed 1 --work WORK --out results/campaigns
+    python tests/studies/campaigns.py --cases 24 --seed 3 --work WORK --out results/campaigns
     python tests/studies/campaigns.py --cases 4 --seed 2 --filmed --work WORK --out results/campaigns/filmed
 
 WORK keeps what a study that was ended needs to go on.
@@ -314,7 +314,7 @@ def main() -> None:
     """Run the cases that are missing, and write the table and the plot."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--cases", type=int, default=24)
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--problem", default="arcfold")
     parser.add_argument("--films", type=int, default=5)
     parser.add_argument("--budget", type=int, default=400)
