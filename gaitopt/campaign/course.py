@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +12,26 @@ from scipy import stats
 from gaitopt.campaign.belief import Belief, Filmed
 from gaitopt.campaign.robots import Walked
 from gaitopt.campaign.settings import BeliefSettings
+from gaitopt.problem.problem import Problem
+from gaitopt.simulation.metrics import SIDEWAYS_RATIO
 
 Array = NDArray[np.float64]
 
 _LARGEST = 1.0
 """A gait that drifts more than it walks forward is no better known by how much more."""
+
+
+def most_drift(problem: Problem) -> float:
+    """Return the largest drift that a problem allows; infinite where there is no limit on it."""
+    limit = problem.objective.constraints.get(SIDEWAYS_RATIO)
+    return math.inf if limit is None or limit.max is None else limit.max
+
+
+def drifts_of(walked: Walked) -> Array:
+    """Return sideways over forward travel of gaits on robots, left positive, shape (robots, gaits)."""
+    forward = np.maximum(np.abs(walked.speeds), 1e-9)
+    drifts: Array = np.clip(walked.sideways / forward, -_LARGEST, _LARGEST)
+    return drifts
 
 
 def within(drifts: Array | float, limit: float, error: Array | float) -> Array:
@@ -49,10 +65,8 @@ def chances(
     kept = np.where(walked.strays, 0.0, 1.0)
     if not np.isfinite(limit):
         return np.asarray(weights @ kept, dtype=float)
-    forward = np.maximum(np.abs(walked.speeds), 1e-9)
-    ratios = np.clip(walked.sideways / forward, -_LARGEST, _LARGEST)
     filmed = replace(drifts, speeds=np.clip(drifts.speeds, -_LARGEST, _LARGEST))
-    belief = Belief.of(ratios, points, filmed, settings.drift, settings)
+    belief = Belief.of(drifts_of(walked), points, filmed, settings.drift, settings)
     spread = np.sqrt(np.maximum(np.diag(belief.unknown), 1e-12))
     both = weights * belief.weights
     both = both / both.sum() if both.sum() > 0.0 else weights

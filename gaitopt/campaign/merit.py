@@ -8,12 +8,13 @@ Optimization with Inequality Constraints", ICML 2014).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from gaitopt.campaign.course import within
+from gaitopt.campaign.course import most_drift, within
 from gaitopt.optimise.evaluator import Outcome, judge
 from gaitopt.problem.objective import Objective
 from gaitopt.problem.problem import Problem
@@ -30,14 +31,13 @@ def merit(problem: Problem, outcomes: Sequence[Outcome], margin: float, error: f
         margin: share by which the other limits are tightened.
         error: standard deviation of what a predicted drift, sideways over forward travel, is off.
     """
-    judged, objective = judge(problem, outcomes, margin), problem.objective
-    limit = objective.constraints.get(SIDEWAYS_RATIO)
-    if judged.status != "ok" or limit is None or limit.max is None:
+    judged, objective, limit = judge(problem, outcomes, margin), problem.objective, most_drift(problem)
+    if judged.status != "ok" or not math.isfinite(limit):
         return judged
-    costs = [_cost(objective, one.metrics, limit.max, error) for one in outcomes]
+    costs = [_cost(objective, one.metrics, limit, error) for one in outcomes]
     worse = objective.worse_share
     cost = float(np.mean(costs)) if worse is None else exceeded(costs, worse)
-    violations = judged.violations | {SIDEWAYS_RATIO: 0.0}  # what breaks it counts by its chance
+    violations = _others(judged)
     cost += objective.penalty * sum(violations.values())
     return replace(judged, cost=finite(cost), violations=violations)
 
@@ -50,12 +50,16 @@ def merit_of_means(problem: Problem, evaluation: Evaluation, error: float) -> fl
         evaluation: the gait, over all robots.
         error: standard deviation of what a predicted drift, sideways over forward travel, is off.
     """
-    objective = problem.objective
-    limit = objective.constraints.get(SIDEWAYS_RATIO)
-    if evaluation.status != "ok" or limit is None or limit.max is None:
+    objective, limit = problem.objective, most_drift(problem)
+    if evaluation.status != "ok" or not math.isfinite(limit):
         return evaluation.cost
-    others = sum(size for name, size in evaluation.violations.items() if name != SIDEWAYS_RATIO)
-    return _cost(objective, evaluation.metrics, limit.max, error) + objective.penalty * others
+    broken = sum(_others(evaluation).values())
+    return _cost(objective, evaluation.metrics, limit, error) + objective.penalty * broken
+
+
+def _others(evaluation: Evaluation) -> dict[str, float]:
+    """Return the violations without that of the limit on the drift: what breaks it counts by its chance."""
+    return evaluation.violations | {SIDEWAYS_RATIO: 0.0}
 
 
 def _cost(objective: Objective, row: Metrics, limit: float, error: float) -> float:

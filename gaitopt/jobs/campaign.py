@@ -192,6 +192,12 @@ class Campaign:
         return self._folder.gaits[self.next().film]
 
     @property
+    def nominal_winner(self) -> Gait:
+        """The best gait on the nominal robot, as the first search found it."""
+        self.go_on()
+        return next(one.gait for one in self._step(0).candidates if one.name == NOMINAL)
+
+    @property
     def best_gait(self) -> Gait:
         """The best gait that is known."""
         step = self.go_on()
@@ -214,7 +220,7 @@ class Campaign:
 
         self.go_on()
         problem, seed = self.problem, self._folder.request.seed
-        first = next(one.gait for one in self._step(0).candidates if one.name == NOMINAL)
+        first = self.nominal_winner
         rivals = [
             ("the nominal winner, filmed once", [Tried(first, measure(first))]),
             (

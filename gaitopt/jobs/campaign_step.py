@@ -10,6 +10,7 @@ from pathlib import Path
 
 from gaitopt.campaign.check import same_gait
 from gaitopt.campaign.choice import Known, choose
+from gaitopt.campaign.course import most_drift
 from gaitopt.campaign.records import FilmRow, Step
 from gaitopt.campaign.repertoire import repertoire
 from gaitopt.campaign.robots import own_scenarios, prior_robots, walked
@@ -35,7 +36,6 @@ from gaitopt.runs.folder import POSTERIOR_FILE, held
 from gaitopt.runs.folder import REQUEST_FILE as RUN_FILE
 from gaitopt.runs.posterior import read_robots
 from gaitopt.runs.run_folder import RunFolder
-from gaitopt.simulation.metrics import SIDEWAYS_RATIO
 from gaitopt.simulation.rollout import Simulator
 
 _MORE_THAN_CYCLES = 0.1
@@ -163,7 +163,6 @@ class StepWork:
         measured = Measured.of(counted, self.settings.belief.repeatability) if counted else None
         shown = [film for film, own in zip(films, counts, strict=True) if own]
         drifts = filmed_drifts(shown, measured.means if measured else {}, problem.roles)
-        limit = problem.objective.constraints.get(SIDEWAYS_RATIO)
         known = Known(
             space=problem.space,
             gaits=gaits,
@@ -172,7 +171,7 @@ class StepWork:
             rows=_rows(films, odd, measured, drifts),
             measured=measured,
             drifts=drifts,
-            most_drift=math.inf if limit is None or limit.max is None else limit.max,
+            most_drift=most_drift(problem),
             causes=_names(told.get("causes")),
             answer=str(told.get("answer", "")),
             notes=[

@@ -37,6 +37,7 @@ from sealed_walkers import Walker
 
 from gaitopt.blind.disturbances import OUTSIDE, disturbed
 from gaitopt.blind.settings import DEFAULT as BLIND
+from gaitopt.campaign.course import most_drift
 from gaitopt.campaign.records import Proposal
 from gaitopt.campaign.rivals import Tried, bayesian_optimisation, trial_and_error
 from gaitopt.campaign.robots import prior_robots
@@ -46,9 +47,7 @@ from gaitopt.core.files import write_text
 from gaitopt.effects.active import as_tables
 from gaitopt.gait.gait import Gait
 from gaitopt.jobs.campaign import Campaign
-from gaitopt.jobs.campaign_step import NOMINAL
 from gaitopt.jobs.executor import opened
-from gaitopt.optimise.journal import Journal
 from gaitopt.optimise.solvers.cma_es import CmaEs
 from gaitopt.optimise.solvers.solution import Box
 from gaitopt.optimise.solvers.solver import Minimisation
@@ -58,9 +57,8 @@ from gaitopt.problem.robot import Robot
 from gaitopt.report.figures.style import COLOURS, finish, single_panel
 from gaitopt.report.page import png
 from gaitopt.robot.warnings import silence_warnings
-from gaitopt.runs.folder import JOURNAL_FILE
 from gaitopt.runs.run_folder import RunFolder
-from gaitopt.simulation.metrics import SIDEWAYS_RATIO, SPEED, measure
+from gaitopt.simulation.metrics import SPEED, measure
 from gaitopt.simulation.objective import evaluate
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
@@ -164,9 +162,9 @@ def case(
         film = replace(robot(gait), drive=gait)
         speed = filmed_speed(film, problem.roles).mean_m_s
         (drift,) = filmed_drifts([(0, film)], {0: speed}, problem.roles).values()
-        return speed if abs(drift) <= (problem.objective.constraints[SIDEWAYS_RATIO].max or 0.0) else 0.0
+        return speed if abs(drift) <= most_drift(problem) else 0.0
 
-    searched = tried_by_the_nominal_search(folder / "steps" / "00" / "nominal", problem)
+    searched = tried_by_the_nominal_search(folder / "steps" / "00" / "nominal")
     starts = list(problem.baselines.values())
     methods = {
         "Bayesian optimisation, 5 films": bayesian_optimisation(problem.space, starts, filmed, 5, index),
@@ -234,10 +232,10 @@ def nominal_speed(problem: Problem, gait: Gait) -> float:
     return measure(problem, gait, robot.run(gait), Robot.of(robot.models[0]))[SPEED.name]
 
 
-def tried_by_the_nominal_search(run: Path, problem: Problem) -> list[Tried]:
+def tried_by_the_nominal_search(run: Path) -> list[Tried]:
     """Return every gait that the nominal search tried and that keeps the limits, with its speed."""
     opened_run = RunFolder.reopen(run)
-    journal = Journal(run / JOURNAL_FILE, opened_run.problem, opened_run.folder.journal_key(problem))
+    journal = opened_run.folder.open_journal(opened_run.problem)
     entries = [one for one in journal.entries if one.evaluation.status == "ok"]
     kept = [one for one in entries if one.evaluation.constraints_met] or entries
     return [Tried(one.gait, one.evaluation.metrics[SPEED.name]) for one in kept]
@@ -332,9 +330,7 @@ def main() -> None:
         shared = Campaign.new(
             problem, options.work / "nominal", budget=options.budget, seed=options.seed, executor=pool
         )
-        first = shared._folder.step(0)
-        assert first is not None
-        winner = next(one.gait for one in first.candidates if one.name == NOMINAL)
+        winner = shared.nominal_winner
         for index in range(options.cases):
             if index not in {row["case"] for row in rows}:
                 rows.append(case(index, options, problem, winner, pool))

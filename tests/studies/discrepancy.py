@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,7 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
+from gaitopt.campaign.course import drifts_of
 from gaitopt.campaign.gaussian_process import matern
+from gaitopt.campaign.robots import walked
 from gaitopt.campaign.settings import BELIEF
 from gaitopt.core.files import write_text
 from gaitopt.core.json import to_json
@@ -33,12 +34,9 @@ from gaitopt.jobs.executor import opened
 from gaitopt.optimise.solvers.surrogate import embedded
 from gaitopt.problem.model import carrying, nominal_parts
 from gaitopt.problem.problem import Problem, load_problem
-from gaitopt.problem.robot import Robot
 from gaitopt.report.figures.style import COLOURS, finish, single_panel
 from gaitopt.report.page import png
 from gaitopt.robot.warnings import silence_warnings
-from gaitopt.simulation.metrics import SIDEWAYS, SPEED, measure
-from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import NOMINAL, Scenario
 from gaitopt.simulation.tolerances import draw_errors
 
@@ -88,16 +86,11 @@ class Discrepancy:
         return rows
 
 
-def walked(problem: Problem, gait: Gait, robot: int | None) -> tuple[float, float]:
-    """Return speed, m/s, and drift of a gait on a robot; None for the nominal one."""
-    tolerances, scenario = problem.file.tolerances, NOMINAL
-    if robot is not None:
-        errors = draw_errors(nominal_parts(problem), tolerances, np.random.default_rng([77, robot]))
-        scenario = Scenario(errors, start_pose_rad=tolerances.start_pose_rad, pose_seed=robot)
-    simulator = Simulator.build(problem, (scenario,), problem.simulation.working)
-    found = measure(problem, gait, simulator.run(gait), Robot.of(simulator.models[0]))
-    drift = float(np.clip(found[SIDEWAYS] / max(abs(found[SPEED.name]), 1e-6), -1.0, 1.0))
-    return found[SPEED.name], drift
+def wrong_robot(problem: Problem, number: int) -> Scenario:
+    """Return a robot that is a little wrong in everything, from a start pose of its own."""
+    tolerances = problem.file.tolerances
+    errors = draw_errors(nominal_parts(problem), tolerances, np.random.default_rng([77, number]))
+    return Scenario(errors, start_pose_rad=tolerances.start_pose_rad, pose_seed=number)
 
 
 def gaits_of(problem: Problem, results: Path) -> list[Gait]:
@@ -119,11 +112,16 @@ def measured(name: str, robots: int, results: Path, pool: Executor) -> dict[str,
     problem = carrying(load_problem(name))
     gaits = gaits_of(problem, results)
     points = embedded(np.array([problem.space.encode(gait) for gait in gaits]), problem.space.circular)
-    asked = [(gait, robot) for robot in (None, *range(robots)) for gait in gaits]
-    values = list(pool.map(partial(walked, problem), *zip(*asked, strict=True)))
-    each = np.array(values).reshape(robots + 1, len(gaits), 2)
-    wrong = each[1:] - each[0]
-    return {"speed": Discrepancy.of(wrong[:, :, 0], points), "drift": Discrepancy.of(wrong[:, :, 1], points)}
+    scenarios = [NOMINAL, *(wrong_robot(problem, number) for number in range(robots))]
+    found = walked(problem, gaits, scenarios, pool)
+    each = {"speed": found.speeds, "drift": drifts_of(found)}
+    return {kind: Discrepancy.of(values[1:] - values[0], points) for kind, values in each.items()}
+
+
+def expected(apart: Array) -> Array:
+    """Return how much a campaign expects discrepancies to differ at some distances, shape (n,)."""
+    differs: Array = 1.0 - matern(np.zeros((1, 1)), apart[:, None], BELIEF.length)[0]
+    return differs
 
 
 def page(found: dict[str, dict[str, Discrepancy]]) -> str:
@@ -139,10 +137,8 @@ def page(found: dict[str, dict[str, Discrepancy]]) -> str:
     for name, kinds in found.items():
         for kind, one in kinds.items():
             for row in one.rows():
-                expected = 1.0 - float(
-                    matern(np.zeros((1, 1)), np.array([[row["apart"]]]), BELIEF.length)[0, 0]
-                )
-                figures = f"{row['apart']:.3f} | {row['pairs']} | {row['differs']:.2f} | {expected:.2f}"
+                (differs,) = expected(np.array([row["apart"]]))
+                figures = f"{row['apart']:.3f} | {row['pairs']} | {row['differs']:.2f} | {differs:.2f}"
                 lines.append(f"| {name} | {kind} | {figures} |")
     return "\n".join(lines) + "\n"
 
@@ -155,9 +151,8 @@ def write_plot(path: Path, found: dict[str, dict[str, Discrepancy]]) -> None:
             rows = one.rows()
             ends = [row["apart"] for row in rows], [row["differs"] for row in rows]
             axes.plot(*ends, style, color=colour, label=f"{name}, {kind}", markersize=4)
-    at = np.linspace(0.0, 1.5, 200)[:, None]
-    expected = 1.0 - matern(np.zeros((1, 1)), at, BELIEF.length)[0]
-    axes.plot(at[:, 0], expected, color="black", label=f"Matérn, length {BELIEF.length:g}")
+    at = np.linspace(0.0, 1.5, 200)
+    axes.plot(at, expected(at), color="black", label=f"Matérn, length {BELIEF.length:g}")
     axes.set_xlim(0.0, 1.5)
     axes.set_ylim(0.0, 2.0)
     finish(axes, "distance of two gaits in the gait space", "discrepancy differs, share")
