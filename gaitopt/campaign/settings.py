@@ -82,7 +82,8 @@ class CampaignSettings:
         prior_effects: effects that a robot has beside the nominal ones before any film. Assumed: one or two
             large ones, as in trials of real robots.
         diagnosed_s: length of all films together that is diagnosed, s: a diagnosis simulates six hundred
-            robots, each as long.
+            robots, each as long. Of four films 8 s named wrong effects where 12 s and 16 s named the right
+            one (results/campaigns/development.md).
         search: how gaits are searched.
         belief: what is expected where nothing was filmed.
     """
@@ -90,7 +91,7 @@ class CampaignSettings:
     robots: int = 20
     most_breaking: float = 0.1
     prior_effects: tuple[int, int] = (1, 2)
-    diagnosed_s: float = 8.0
+    diagnosed_s: float = 12.0
     search: SearchShares = field(default_factory=SearchShares)
     belief: BeliefSettings = BELIEF
 

@@ -27,6 +27,7 @@ from gaitopt.gait.gait import BEST_FILE, Gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.jobs.diagnose import Question, answered_into, is_finished
 from gaitopt.jobs.optimise import optimise
+from gaitopt.optimise.verification import evenly
 from gaitopt.problem.instruments import measurable_signals
 from gaitopt.problem.model import carrying
 from gaitopt.problem.problem import Problem
@@ -127,7 +128,8 @@ class StepWork:
         )
         found = search.candidates(starts, self.executor, self.on_progress)
         gaits = _distinct(problem.space, {**known, **found, **problem.baselines})
-        return self._chosen(problem, gaits, robots, errors=False, films=films, told=told)
+        judges = self._with_those_before(problem, robots)
+        return self._chosen(problem, gaits, judges, errors=False, films=films, told=told)
 
     @property
     def _seed(self) -> int:
@@ -141,6 +143,16 @@ class StepWork:
         """Return robots as they are plausible before any film."""
         settings, seed = self.settings, self.folder.request.seed
         return prior_robots(problem, settings.robots, settings.prior_effects, seed)
+
+    def _with_those_before(self, problem: Problem, robots: Sequence[EffectValues]) -> Sequence[EffectValues]:
+        """Return robots that candidates are predicted on: half of them are of the posterior before.
+
+        A posterior can be sure and wrong, and the searches find what is fast on it. Robots that know one
+        film less judge these gaits apart, and count by how well they foretold it.
+        """
+        before, _ = _last_posterior(self.folder, self.number - 1, problem)
+        half = self.settings.robots // 2
+        return [*evenly(robots, self.settings.robots - half), *evenly(before, half)] if before else robots
 
     def _chosen(
         self,

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import campaigns
 import numpy as np
 import pytest
 from browser import CHROMIUM
@@ -20,15 +21,19 @@ from helpers import STRIDER, still
 from page_audit import faults_of
 
 from gaitopt.campaign.check import film_of, same_gait
+from gaitopt.campaign.robots import Walked, walked
 from gaitopt.campaign.search import Search
 from gaitopt.core.errors import GaitoptError, MachineError
+from gaitopt.effects.active import as_tables
 from gaitopt.gait.gait import Gait
+from gaitopt.jobs import campaign_step
 from gaitopt.jobs.campaign import Campaign
 from gaitopt.jobs.outputs import Stopped
 from gaitopt.optimise.processes import LostWorkersError
-from gaitopt.problem.problem import load_problem
+from gaitopt.problem.problem import Problem, load_problem
 from gaitopt.runs.folder import held
 from gaitopt.runs.listing import INTERRUPTED, WAITING, list_runs
+from gaitopt.simulation.scenario import Scenario
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +88,26 @@ def test_searches_set_out_from_the_repertoire_of_the_first_one(
     space = campaign.problem.space
     for one in first.candidates:
         assert any(same_gait(space, one.gait, gait) for gait in started[0])
+
+
+@pytest.mark.slow
+def test_robots_that_knew_one_film_less_judge_the_gaits_too(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    judges: list[list[float]] = []
+
+    def spied(problem: Problem, gaits: Sequence[Gait], robots: Sequence[Scenario], *others: Any) -> Walked:
+        judges.append([as_tables(one.effects)["pad_friction"]["scale"] for one in robots])
+        return walked(problem, gaits, robots, *others)
+
+    monkeypatch.setattr(campaign_step, "walked", spied)
+    robot = walker()
+    with brief():
+        campaign.tell(robot(campaign.next_gait))
+        monkeypatch.setattr(campaigns, "POSTERIOR", campaigns.POSTERIOR.replace(",0.", ",0.1"))
+        campaign.tell(replace(robot(campaign.next_gait), name="again"))
+    assert [sum(scale > 0.5 for scale in one) for one in judges] == [4, 2]
+    assert len(judges[1]) == 4
 
 
 def test_the_status_can_be_asked_while_another_command_works(campaign: Campaign) -> None:
