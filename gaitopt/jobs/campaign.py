@@ -375,7 +375,7 @@ class Campaign:
         robot = Simulator.build(StepWork.known_robot(self._folder).observing(sorted(sites)))
         others = [*self.problem.baselines.values(), *self._folder.gaits.values()]
         for film, trial in fresh:
-            reason = wrong_recording(trial, others, self.problem.space, robot, pool)
+            reason = wrong_recording(trial, others, robot, pool)
             if reason is not None:
                 raise GaitoptError(
                     f"trial {trial.name}: film {film}: {reason}; --trust takes it all the same"

@@ -23,7 +23,7 @@ def film(arcfold: Problem) -> Trial:
 def reason(arcfold: Problem, trial: Trial) -> str | None:
     with opened("serial") as pool:
         gaits = arcfold.baselines.values()
-        return wrong_recording(trial, gaits, arcfold.space, Simulator.build(arcfold), pool)
+        return wrong_recording(trial, gaits, Simulator.build(arcfold), pool)
 
 
 def test_a_film_of_its_gait_is_taken_though_the_robot_is_another(arcfold: Problem, film: Trial) -> None:

@@ -5,6 +5,7 @@ They would spoil the fit of all others. So they are named, and nothing is fitted
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -15,6 +16,11 @@ from gaitopt.diagnose.gap.settings import DEFAULT, AlignSettings, MisfitSettings
 from gaitopt.diagnose.record.defect import Defect
 from gaitopt.diagnose.record.noise import noise_of
 from gaitopt.diagnose.record.trial import Series, Trial
+from gaitopt.gait.drive import Drive
+from gaitopt.gait.gait import Gait
+
+_CYCLE = np.linspace(0.0, 1.0, 200, endpoint=False)
+"""Phases at which the commands of two gaits are compared."""
 
 MISFITS = ("another_gait", "stands_still")
 """Names of the defects."""
@@ -43,7 +49,10 @@ def misfits(
 
 
 def _stands_still(aligned: Aligned, settings: MisfitSettings) -> Defect | None:
-    """Check whether the robot stands still from some time on while it is commanded to walk."""
+    """Check whether the robot stands still from some time on while it is commanded to walk.
+
+    A slow robot may seem to stand between its steps. So it must do so for longer at the end than ever before.
+    """
     trial, block_s = aligned.trial, aligned.trial.drive.block_s
     edges = np.arange(float(trial.time[0]), float(trial.time[-1]) + 1e-9, settings.window * block_s)
     moves, should = np.zeros(len(edges) - 1, dtype=bool), np.zeros(len(edges) - 1, dtype=bool)
@@ -56,7 +65,10 @@ def _stands_still(aligned: Aligned, settings: MisfitSettings) -> Defect | None:
         moves |= measured > least
         should |= expected > settings.expected * expects
     last = int(np.flatnonzero(moves).max(initial=-1)) + 1
-    if last == 0 or np.sum(should[last:]) < settings.still_windows:
+    if last == 0:
+        return None
+    still = [int(part.sum()) for part in np.split(should & ~moves, np.flatnonzero(moves) + 1)]
+    if still[-1] < max(settings.still_windows, settings.still_longer * max(still[:-1])):
         return None
     since = float(edges[last])
     message = (
@@ -77,13 +89,15 @@ def _another_gait(
 ) -> Defect | None:
     """Check whether the recording is much more like the prediction of another gait of the data set."""
     trial = aligned.trial
-    others = {one.trial.drive.key: one for one in trials if one.trial.drive.key != trial.drive.key}
+    others = {
+        one.trial.drive.key: one for one in trials if not _alike(one.trial.drive, trial.drive, settings)
+    }
     own = unlike(trial, aligned.simulated, aligned.offset_s)
     if own < settings.unlike or not others:
         return None
     errors = {key: _unlike(trial, one, align) for key, one in others.items()}
     best = min(errors, key=lambda key: errors[key])
-    if errors[best] > settings.more_alike * own:
+    if errors[best] > min(settings.explained, settings.more_alike * own):
         return None
     named, seen = trial.drive.name, others[best].trial.drive.name
     message = f"moves as {seen} does, not as {named}: is it another gait's recording? Nothing is fitted"
@@ -96,3 +110,16 @@ def _unlike(trial: Trial, other: Aligned, align: AlignSettings) -> float:
     known = trial.starts_at_s
     offset = best_offset(of_other, other.simulated, align) if known is None else known
     return unlike(trial, other.simulated, offset)
+
+
+def _alike(one: Drive, other: Drive, settings: MisfitSettings) -> bool:
+    """Return whether two gaits command nearly the same, so that their recordings cannot be told apart."""
+    if one.key == other.key:
+        return True
+    if not isinstance(one, Gait) or not isinstance(other, Gait):
+        return False
+    if abs(math.log(one.period_s / other.period_s)) > settings.near_period:
+        return False
+    curve, another = (gait.targets(_CYCLE * gait.period_s) for gait in (one, other))
+    apart, motion = (np.mean((part - part.mean(axis=0)) ** 2) for part in (curve - another, curve))
+    return bool(apart <= settings.unlike * motion)

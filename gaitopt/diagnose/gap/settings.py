@@ -86,10 +86,13 @@ class MisfitSettings:
         usual: which is this quantile over the windows: the robot may stand still in most of them,
         above_noise: or this many times its noise.
         expected: only windows count in which the prediction moves by this share of its usual range.
-        still_windows: it stands still for so many windows, up to the end.
+        still_windows: it stands still for so many windows, up to the end,
+        still_longer: and for this many times as many as ever before.
         unlike: a recording is not like its prediction if their mean squared difference is more than this, in
-            variances of the recording.
-        more_alike: it is like another gait's if that leaves at most this share.
+            variances of the recording. The commands of two gaits are alike by the same measure,
+        near_period: if the logarithms of their periods differ by this at most.
+        explained: another gait explains a recording if it leaves at most this, in variances of it,
+        more_alike: and at most this share of what its own gait leaves.
     """
 
     window: float = 0.5
@@ -98,7 +101,10 @@ class MisfitSettings:
     above_noise: float = 8.0
     expected: float = 0.3
     still_windows: int = 2
+    still_longer: float = 2.0
     unlike: float = 0.4
+    near_period: float = 0.1
+    explained: float = 0.7
     more_alike: float = 0.6
 
 

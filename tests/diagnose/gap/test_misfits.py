@@ -12,6 +12,7 @@ from gaitopt.diagnose.gap.align import align
 from gaitopt.diagnose.gap.misfits import misfits
 from gaitopt.diagnose.record.dataset import load_dataset
 from gaitopt.diagnose.record.trial import Trial
+from gaitopt.gait.gait import Gait
 from gaitopt.gait.logged import LoggedCommands
 from gaitopt.optimise.executors import SerialExecutor
 from gaitopt.problem.problem import Problem
@@ -76,6 +77,36 @@ def test_masked_samples_do_not_tell_which_gait_it_was(arcfold: Problem) -> None:
         return misfits(trials)["wrong"][0].parameters["ratio"]
 
     assert ratio(np.where(masked, rng.normal(scale=10.0, size=len(x)), x)) == ratio(x) > 3.0
+
+
+def test_recordings_of_gaits_that_command_nearly_the_same_are_not_told_apart(arcfold: Problem) -> None:
+    """Where one of two such gaits is simulated better, both recordings are more like that prediction."""
+    gait, other = arcfold.baselines["square-1s"], arcfold.baselines["square-2s"]
+    weak = rollout(arcfold, "square-1s", 7.0, SLIPPERY)
+    seen = recording_of(weak, 0.3)
+    series = {"marker.x": seen["x_m"], "marker.y": seen["y_m"], "marker.z": seen["z_m"]}
+    mine = align(Trial.of("mine", gait, seen["t_s"], series), rollout(arcfold, "square-2s", 7.0, {}))
+
+    def odd(named: Gait) -> list[str]:
+        return [*misfits([mine, align(Trial.of("other", named, seen["t_s"], series), weak)])]
+
+    assert odd(other) == ["mine"]
+    assert odd(gait.with_period(1.02)) == []
+
+
+def test_a_robot_that_stands_between_its_steps_has_not_stopped(arcfold: Problem) -> None:
+    gait = arcfold.baselines["square-1s"]
+    time = np.arange(0.0, 6.0, 0.02)
+    predicted = Simulator.build(arcfold).run(gait, duration=7.0)
+
+    def odd(step_s: float, until_s: float) -> list[str]:
+        """Steps of 5 mm within 0.3 s, of which the last one ends before some time."""
+        steps, since = np.divmod(np.minimum(time, until_s), step_s)
+        forward = 5e-3 * (steps + np.sin(0.5 * np.pi * np.minimum(since / 0.3, 1.0)) ** 2)
+        return [*misfits([align(Trial.of("film", gait, time, {"marker.x": forward}), predicted)])]
+
+    assert odd(2.4, 4.7) == []
+    assert odd(0.5, 2.9) == ["film"]
 
 
 def test_a_robot_that_loses_its_power_is_named_with_the_time(arcfold: Problem, tmp_path: Path) -> None:
