@@ -39,9 +39,8 @@ from gaitopt.blind.disturbances import OUTSIDE, disturbed
 from gaitopt.blind.settings import DEFAULT as BLIND
 from gaitopt.campaign.course import most_drift
 from gaitopt.campaign.records import Proposal
-from gaitopt.campaign.rivals import Tried, bayesian_optimisation, trial_and_error
+from gaitopt.campaign.rivals import Tried, bayesian_optimisation, best_of, trial_and_error
 from gaitopt.campaign.robots import prior_robots
-from gaitopt.campaign.speeds import filmed_drifts, filmed_speed
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.files import write_text
 from gaitopt.effects.active import as_tables
@@ -157,23 +156,19 @@ def case(
         recommended.append(recommended_after(campaign, count))
     took = time.monotonic() - began
 
-    def filmed(gait: Gait) -> float:
-        """A gait that drifts too far counts nothing."""
-        film = replace(robot(gait), drive=gait)
-        speed = filmed_speed(film, problem.roles).mean_m_s
-        (drift,) = filmed_drifts([(0, film)], {0: speed}, problem.roles).values()
-        return speed if abs(drift) <= most_drift(problem) else 0.0
+    def film(gait: Gait) -> Tried:
+        return Tried.of(gait, robot(gait), problem.roles)
 
     searched = tried_by_the_nominal_search(folder / "steps" / "00" / "nominal")
-    starts = list(problem.baselines.values())
+    space, starts, limit = problem.space, list(problem.baselines.values()), most_drift(problem)
     methods = {
-        "Bayesian optimisation, 5 films": bayesian_optimisation(problem.space, starts, filmed, 5, index),
-        "Bayesian optimisation, 25 films": bayesian_optimisation(problem.space, starts, filmed, 25, index),
-        "intelligent trial and error, 5 films": trial_and_error(problem.space, searched, filmed, 5),
+        "Bayesian optimisation, 5 films": bayesian_optimisation(space, starts, film, 5, index, limit),
+        "Bayesian optimisation, 25 films": bayesian_optimisation(space, starts, film, 25, index, limit),
+        "intelligent trial and error, 5 films": trial_and_error(space, searched, film, 5, limit),
     }
     gaits = {f"campaign, {n} film{'s' * (n > 1)}": recommended[min(n, len(recommended)) - 1] for n in SHOWN}
     gaits |= {"the nominal winner": winner}
-    gaits |= {name: max(tried, key=lambda one: one.speed_m_s).gait for name, tried in methods.items()}
+    gaits |= {name: best_of(tried, limit).gait for name, tried in methods.items()}
     true = dict(zip(gaits, pool.map(robot.truly, gaits.values()), strict=True))
     best = searched_truly(robot, list(gaits.values()), options.truth, index, pool)
     fastest = max([best, *(speed for speed, met in true.values() if met)])
