@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import replace
 
 from gaitopt.diagnose.gap.align import align
-from gaitopt.diagnose.gap.misfits import misfits
+from gaitopt.diagnose.gap.misfits import alike, misfits
 from gaitopt.diagnose.gap.predict import predict
 from gaitopt.diagnose.record.cleaning import clean
 from gaitopt.diagnose.record.dataset import WHOLE_CYCLES
@@ -47,9 +47,10 @@ def wrong_recording(trial: Trial, others: Iterable[Gait], robot: Simulator, exec
     assert isinstance(own, Gait)
     span = float(trial.time[-1] - trial.time[0])
     long_enough = [gait for gait in others if span >= WHOLE_CYCLES * gait.period_s]
+    told_apart = [gait for gait in long_enough if not alike(gait, own)]
     named: Sequence[Trial] = [
         cleaned,
-        *(replace(cleaned, name=f"as {gait.name}", drive=gait) for gait in long_enough),
+        *(replace(cleaned, name=f"as {gait.name}", drive=gait) for gait in told_apart),
     ]
     aligned = [align(one, path) for one, path in zip(named, predict(robot, named, executor), strict=True)]
     found = misfits(aligned).get(trial.name, ())

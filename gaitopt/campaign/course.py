@@ -30,8 +30,13 @@ def most_drift(problem: Problem) -> float:
 def drifts_of(walked: Walked) -> Array:
     """Return sideways over forward travel of gaits on robots, left positive, shape (robots, gaits)."""
     forward = np.maximum(np.abs(walked.speeds), 1e-9)
-    drifts: Array = np.clip(walked.sideways / forward, -_LARGEST, _LARGEST)
-    return drifts
+    return bounded(walked.sideways / forward)
+
+
+def bounded(drifts: Array) -> Array:
+    """Return drifts of which those that are larger than any of use count as the largest one."""
+    kept: Array = np.clip(drifts, -_LARGEST, _LARGEST)
+    return kept
 
 
 def within(drifts: Array | float, limit: float, error: Array | float) -> Array:
@@ -65,7 +70,7 @@ def chances(
     kept = np.where(walked.strays, 0.0, 1.0)
     if not np.isfinite(limit):
         return np.asarray(weights @ kept, dtype=float)
-    filmed = replace(drifts, speeds=np.clip(drifts.speeds, -_LARGEST, _LARGEST))
+    filmed = replace(drifts, speeds=bounded(drifts.speeds))
     belief = Belief.of(drifts_of(walked), points, filmed, settings.drift, settings)
     spread = np.sqrt(np.maximum(np.diag(belief.unknown), 1e-12))
     both = weights * belief.weights

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from gaitopt.campaign.course import within
+from gaitopt.campaign.course import bounded, within
 from gaitopt.campaign.gaussian_process import Conditioned
 from gaitopt.campaign.settings import BELIEF, BeliefSettings
 from gaitopt.campaign.speeds import filmed_drifts, filmed_speed
@@ -151,7 +151,7 @@ def _improvement(
     """
     at = embedded(np.array([space.encode(one.gait) for one in tried]), space.circular)
     wanted = embedded(points, space.circular)
-    drifts = np.clip([one.drift for one in tried], -1.0, 1.0)
+    drifts = bounded(np.array([one.drift for one in tried]))
     drift, unsure = _expected(wanted, at, drifts, settings.drift, settings.drift_repeatability)
     keeps = within(drift, most_drift, unsure)
     best = best_of(tried, most_drift)

@@ -89,9 +89,7 @@ def _another_gait(
 ) -> Defect | None:
     """Check whether the recording is much more like the prediction of another gait of the data set."""
     trial = aligned.trial
-    others = {
-        one.trial.drive.key: one for one in trials if not _alike(one.trial.drive, trial.drive, settings)
-    }
+    others = {one.trial.drive.key: one for one in trials if not alike(one.trial.drive, trial.drive, settings)}
     own = unlike(trial, aligned.simulated, aligned.offset_s)
     if own < settings.unlike or not others:
         return None
@@ -112,8 +110,14 @@ def _unlike(trial: Trial, other: Aligned, align: AlignSettings) -> float:
     return unlike(trial, other.simulated, offset)
 
 
-def _alike(one: Drive, other: Drive, settings: MisfitSettings) -> bool:
-    """Return whether two gaits command nearly the same, so that their recordings cannot be told apart."""
+def alike(one: Drive, other: Drive, settings: MisfitSettings = DEFAULT.misfits) -> bool:
+    """Return whether two gaits command nearly the same, so that their recordings cannot be told apart.
+
+    Args:
+        one: a gait; logged commands are like themselves alone.
+        other: another one.
+        settings: see `MisfitSettings`.
+    """
     if one.key == other.key:
         return True
     if not isinstance(one, Gait) or not isinstance(other, Gait):
