@@ -20,7 +20,7 @@ from gaitopt.gait.gait import Gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.optimise.quasi_random import quasi_random
 from gaitopt.optimise.solvers.surrogate import embedded
-from gaitopt.robot.roles import Roles
+from gaitopt.problem.problem import Problem
 
 Array = NDArray[np.float64]
 
@@ -52,15 +52,16 @@ class Tried:
     drift: float = 0.0
 
     @staticmethod
-    def of(gait: Gait, film: Trial, roles: Roles) -> Tried:
+    def of(gait: Gait, film: Trial, problem: Problem) -> Tried:
         """Return what a film of a gait shows.
 
         Raises:
             GaitoptError: forward motion was not measured, or for less than one cycle.
         """
         trial = replace(film, drive=gait)
-        speed = filmed_speed(trial, roles).mean_m_s
-        return Tried(gait, speed, filmed_drifts([(0, trial)], {0: speed}, roles).get(0, 0.0))
+        roles, horizon = problem.roles, problem.simulation.horizon
+        speed = filmed_speed(trial, roles, horizon).mean_m_s
+        return Tried(gait, speed, filmed_drifts([(0, trial)], {0: speed}, roles, horizon).get(0, 0.0))
 
 
 def best_of(tried: Sequence[Tried], most_drift: float) -> Tried:

@@ -10,13 +10,18 @@ import numpy as np
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.diagnose.record.cleaning import clean
+from gaitopt.diagnose.record.cycles import steady_from
 from gaitopt.diagnose.record.trial import Series, Trial
 from gaitopt.gait.gait import Gait
+from gaitopt.problem.records import Horizon
 from gaitopt.robot.roles import Roles
 from gaitopt.robot.signals import MARKER
 
-_SKIPPED_FROM = 3
-"""The first cycle is left out where at least so many are there: the robot starts from rest in it."""
+_AT_REST = 0.5
+"""Of the cycles of a short film, at most this share is left out: the robot starts from rest."""
+
+_FEWEST = 3
+"""Of fewer cycles than so many, none is left out."""
 
 _HALF = 0.5
 """The last cycle counts where more than this share of it was seen."""
@@ -30,7 +35,7 @@ class FilmedSpeed:
     """The speed in one film.
 
     Attributes:
-        mean_m_s: mean forward speed over whole cycles, m/s.
+        mean_m_s: mean speed over whole cycles after the transient, m/s.
         error_m_s: standard error of that mean by the spread of the cycles, m/s; NaN for one cycle.
     """
 
@@ -38,27 +43,32 @@ class FilmedSpeed:
     error_m_s: float
 
 
-def filmed_speed(trial: Trial, roles: Roles) -> FilmedSpeed:
+def filmed_speed(trial: Trial, roles: Roles, horizon: Horizon) -> FilmedSpeed:
     """Return the forward speed of a recording of a gait.
+
+    Args:
+        trial: the recording.
+        roles: marker and axes.
+        horizon: what a simulation leaves out at the beginning, so that both speeds mean the same.
 
     Raises:
         GaitoptError: forward motion was not measured, or for less than one cycle.
     """
     time, travelled = _along(_checked(trial), roles, 0)
-    speed = _speed(trial, time, travelled)
+    speed = _speed(trial, time, travelled, horizon)
     if speed is None:
         raise GaitoptError(f"trial {trial.name}: forward motion: found less than one cycle; allowed: two")
     return speed
 
 
-def filmed_sideways(trial: Trial, roles: Roles) -> FilmedSpeed | None:
-    """Return the sideways speed of a recording of a gait, left positive.
+def filmed_sideways(trial: Trial, roles: Roles, horizon: Horizon) -> FilmedSpeed | None:
+    """Return the sideways speed of a recording of a gait, left positive, as `filmed_speed` does.
 
     None where it was not measured, or for less than one cycle.
     """
     if _missing(trial, roles, 1):
         return None
-    return _speed(trial, *_along(_checked(trial), roles, 1))
+    return _speed(trial, *_along(_checked(trial), roles, 1), horizon)
 
 
 def _checked(trial: Trial) -> Trial:
@@ -67,7 +77,7 @@ def _checked(trial: Trial) -> Trial:
     return clean(trial).trial
 
 
-def _speed(trial: Trial, time: Series, travelled: Series) -> FilmedSpeed | None:
+def _speed(trial: Trial, time: Series, travelled: Series, horizon: Horizon) -> FilmedSpeed | None:
     """Return the speed of a recording from its travel, m, at some times, s.
 
     Each sample is compared with where the robot was one period later, so that what happens within a cycle
@@ -86,11 +96,16 @@ def _speed(trial: Trial, time: Series, travelled: Series) -> FilmedSpeed | None:
     samples = np.split(moved, np.flatnonzero(np.diff(((starts - time[0]) / period).astype(int))) + 1)
     if len(samples) > 1 and starts[-1] - starts[-len(samples[-1])] < _HALF * period:
         samples.pop()
-    speeds = [float(one.mean()) / period for one in samples]
-    if len(speeds) >= _SKIPPED_FROM:
-        speeds = speeds[1:]
+    walked_s = 0.0 if trial.starts_at_s is None else float(time[0]) + trial.starts_at_s
+    unsteady = math.ceil((steady_from(horizon, trial.drive) - walked_s) / period - 1e-9)
+    speeds = [float(one.mean()) / period for one in samples[_left_out(unsteady, len(samples)) :]]
     spread = float(np.std(speeds, ddof=1)) / math.sqrt(len(speeds)) if len(speeds) > 1 else math.nan
     return FilmedSpeed(float(np.mean(speeds)), spread)
+
+
+def _left_out(unsteady: int, cycles: int) -> int:
+    """Return how many cycles at the beginning do not count, of which some are not steady yet."""
+    return min(max(unsteady, 0), int(_AT_REST * cycles)) if cycles >= _FEWEST else 0
 
 
 def _needed(roles: Roles, axis: int) -> dict[str, float]:
@@ -185,7 +200,7 @@ class Measured:
 
 
 def filmed_drifts(
-    films: Sequence[tuple[int, Trial]], forward: Mapping[int, float], roles: Roles
+    films: Sequence[tuple[int, Trial]], forward: Mapping[int, float], roles: Roles, horizon: Horizon
 ) -> dict[int, float]:
     """Return sideways over forward travel, left positive, by the film's number, where both were measured.
 
@@ -193,10 +208,11 @@ def filmed_drifts(
         films: number of the film of each recording.
         forward: forward speed of each film, m/s.
         roles: marker and axes.
+        horizon: what is left out at the beginning.
     """
     shown: dict[int, list[float]] = {}
     for number, trial in films:
-        sideways = filmed_sideways(trial, roles)
+        sideways = filmed_sideways(trial, roles, horizon)
         if sideways is not None and number in forward:
             shown.setdefault(number, []).append(sideways.mean_m_s)
     return {n: float(np.mean(own)) / max(abs(forward[n]), _STILL_M_S) for n, own in shown.items()}

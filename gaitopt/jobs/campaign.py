@@ -217,7 +217,7 @@ class Campaign:
         """
 
         def film(gait: Gait) -> Tried:
-            return Tried.of(gait, robot(gait), problem.roles)
+            return Tried.of(gait, robot(gait), problem)
 
         self.go_on()
         problem, seed, limit = self.problem, self._folder.request.seed, most_drift(self.problem)
@@ -360,7 +360,7 @@ class Campaign:
                 raise GaitoptError(
                     f"trial {trial.name}: found film {film}; the same recording is told as film {before}"
                 )
-            filmed_speed(trial, self.problem.roles)
+            filmed_speed(trial, self.problem.roles, self.problem.simulation.horizon)
             if before is None:
                 told[digest] = film
                 fresh.append((film, replace(trial, drive=films[film])))

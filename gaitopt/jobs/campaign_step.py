@@ -169,12 +169,13 @@ class StepWork:
         speeds = walked(problem, list(gaits.values()), scenarios, self.executor)
         told = told or {}
         odd = _names(told.get("misfit_trials"))
-        each = [(number, trial.name, filmed_speed(trial, problem.roles)) for number, trial in films]
+        roles, horizon = problem.roles, problem.simulation.horizon
+        each = [(number, trial.name, filmed_speed(trial, roles, horizon)) for number, trial in films]
         counts = confirmed(each, odd, self.settings.belief.confirmed)
         counted = [(number, speed) for (number, _, speed), own in zip(each, counts, strict=True) if own]
         measured = Measured.of(counted, self.settings.belief.repeatability) if counted else None
         shown = [film for film, own in zip(films, counts, strict=True) if own]
-        drifts = filmed_drifts(shown, measured.means if measured else {}, problem.roles)
+        drifts = filmed_drifts(shown, measured.means if measured else {}, roles, horizon)
         known = Known(
             space=problem.space,
             gaits=gaits,

@@ -157,7 +157,7 @@ def case(
     took = time.monotonic() - began
 
     def film(gait: Gait) -> Tried:
-        return Tried.of(gait, robot(gait), problem.roles)
+        return Tried.of(gait, robot(gait), problem)
 
     searched = tried_by_the_nominal_search(folder / "steps" / "00" / "nominal")
     space, starts, limit = problem.space, list(problem.baselines.values()), most_drift(problem)

@@ -16,10 +16,12 @@ from gaitopt.report.film.phone import Phone, shot
 from gaitopt.report.film.stage import motion_of, stage_of
 
 PHONE = Phone(exposures=3)
-DISTANCE_M = 0.5
-CYCLES, LONGEST_S = 8.0, 4.0
+DISTANCE_M, ALONG_M = 0.7, 0.12
+"""Where the phone stands, so that a fast robot stays in the picture."""
+
+CYCLES, SHORTEST_S, LONGEST_S = 8.0, 6.0, 8.0
 LEAST_CYCLES = 2.2
-"""A film has so many cycles, but no more seconds than so many: the robot walks out of the picture."""
+"""A film has so many cycles, no less seconds than `gaitopt campaign` asks for, and few more."""
 
 BEGIN_S = 0.02
 """The first picture is so long after the gait's beginning, which the film does not say."""
@@ -28,11 +30,20 @@ BEGIN_S = 0.02
 def film(robot: Walker, gait: Gait, path: Path) -> None:
     """Film a walk of a robot; each film begins from another start pose."""
     robot.films += 1
-    seconds = max(LEAST_CYCLES * gait.period_s, min(LONGEST_S, CYCLES * gait.period_s))
+    seconds = max(LEAST_CYCLES * gait.period_s, SHORTEST_S, min(LONGEST_S, CYCLES * gait.period_s))
     simulator = robot.robot(replace(robot.scenario, pose_seed=robot.films))
     walked = simulator.run(gait, duration=seconds + 0.2, poses=True)
     stage = stage_of(robot.problem.with_effects(robot.effects))
-    shot(path, stage, motion_of(walked), stand(DISTANCE_M), PHONE, seconds, begin=BEGIN_S, seed=robot.films)
+    shot(
+        path,
+        stage,
+        motion_of(walked),
+        stand(DISTANCE_M, along=ALONG_M),
+        PHONE,
+        seconds,
+        begin=BEGIN_S,
+        seed=robot.films,
+    )
 
 
 def tracked(campaign: Campaign, robot: Walker, folder: Path) -> Path:

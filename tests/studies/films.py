@@ -145,12 +145,13 @@ def _lay(picture: Picture, patch: Picture, left: int, top: int) -> None:
     part[:] = patch[: len(part), low - left : low - left + part.shape[1]]
 
 
-def stand(distance: float, high_deg: float = HIGH_DEG) -> Stand:
-    """A place in front of the robot, to its right, and above it."""
+def stand(distance: float, high_deg: float = HIGH_DEG, along: float = 0.0) -> Stand:
+    """A place in front of the robot, to its right, and above it, some metres along its way."""
     high, side = math.radians(high_deg), math.radians(15.0)
     level = distance * math.cos(high)
-    place = (0.12 - level * math.sin(side), -0.04 - level * math.cos(side), 0.02 + distance * math.sin(high))
-    return Stand(place, (0.12, -0.06, 0.02))
+    x = 0.12 + along
+    place = (x - level * math.sin(side), -0.04 - level * math.cos(side), 0.02 + distance * math.sin(high))
+    return Stand(place, (x, -0.06, 0.02))
 
 
 def tagged(size_mm: float) -> Problem:
