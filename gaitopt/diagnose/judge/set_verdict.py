@@ -31,7 +31,8 @@ def conclude_sets(
     """Return the answer that sets of effects allow.
 
     What other evidence shows explains a part, however little the fit gains by it: that of effects of chance
-    lies in how repeats differ. A gap of angles that only small changes close is explained by these.
+    lies in how repeats differ. A gap of angles that only small changes close is explained by these. No effect
+    of gaits is named if the best of so many would gain as much by chance.
 
     Args:
         judgement: the trials and the sets.
@@ -41,10 +42,12 @@ def conclude_sets(
         closes_gap: whether the first set takes a gap of logged commands from above its floor to within it.
     """
     settings = judgement.settings.verdict
-    if not sets.candidates or sets.none >= sets.scores[0]:
-        return _without_effects(Verdict("no_gap"), _typical(judgement, sets, judgement.none), settings)
+    gain = float(sets.scores[0]) - sets.none if sets.candidates else 0.0
+    chance_alone = min(1.0, n_hypotheses * math.exp(-max(0.0, gain)))
+    if gain <= 0.0 or (judgement.fits and chance_alone > settings.significance):
+        before = _typical(judgement, sets, judgement.none)
+        return _without_effects(Verdict("no_gap", p_value=chance_alone), before, settings)
     first = judgement.first
-    chance_alone = min(1.0, n_hypotheses * math.exp(min(0.0, sets.none - float(sets.scores[0]))))
     causes, rest = _named(judgement, sets, doubtful, settings.matters)
     if closes_gap and not causes + rest:
         causes, rest = _named(judgement, sets, doubtful, _least_hinted(judgement))

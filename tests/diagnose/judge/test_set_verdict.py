@@ -1,5 +1,6 @@
 """Which effects of sets are causes."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from types import SimpleNamespace
@@ -146,6 +147,21 @@ def test_a_gap_of_angles_that_a_small_change_closes_is_explained_by_it(
     judgement.tolerant, judgement.fits = False, ()
     found = conclude_sets(judgement, sets, 10, closes_gap=closes)
     assert (found.kind, found.causes) == (kind, () if kind == "no_gap" else ("trim",))
+
+
+@pytest.mark.parametrize(
+    ("none", "kind"), [(-8.0, "explained"), (-6.0, "unexplained"), (-2.0, "unexplained")]
+)
+def test_no_effect_of_gaits_is_named_that_chance_alone_would_make_look_so_good(
+    none: float, kind: str
+) -> None:
+    """The best of fifty gains six by chance in one case of eight, and eight in one of sixty."""
+    judgement, sets = with_trials([0.5, 0.4, 0.3], [4.0, 3.0, 27.0])
+    found = conclude_sets(judgement, replace(sets, none=none), 50)
+    assert (found.kind, found.causes) == (kind, ("trim",) if kind == "explained" else ())
+    assert found.p_value == pytest.approx(min(1.0, 50.0 * math.exp(none)))
+    judgement, sets = with_trials([0.5, 0.4, 0.3], [0.6, 0.5, 0.7])
+    assert conclude_sets(judgement, replace(sets, none=-2.0), 50).kind == "no_gap"
 
 
 def test_effects_that_predict_worse_are_blamed_no_more_and_something_else_is_likely() -> None:
