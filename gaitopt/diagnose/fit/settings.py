@@ -209,7 +209,7 @@ class SetSettings:
         like_two: cosine from which one effect does nearly the same as two of the best set together,
         merged: and sets with it in their place that are fitted, at most.
         begun: a search sets out from so many sets at most,
-        begun_within: those of an earlier search score at most this much worse than its best.
+        begun_within: those that score at most this much worse than the best of them.
         leading: sets that score at most this much worse than the best are finished,
         finished: at most this many of them,
         finish_rounds: in this many rounds.

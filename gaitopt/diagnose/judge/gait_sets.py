@@ -120,7 +120,9 @@ class GaitSets:
         judge, fits = self._run(first, self.hypotheses, settings.exact_sets, self.begun, sums)
         if judge.loss.mean_squares(fits[0].robot.whitened).max() > settings.verdict.exact_begin:
             return None
-        judgement, judged = self._end(first, judge, fits, with_small_errors, squares_apart)
+        judgement, judged = self._end(
+            first, judge, fits, settings.exact_sets, with_small_errors, squares_apart
+        )
         if not judged.candidates or judged.none >= judged.scores[0]:
             return None
         left = judged.judge.heldout_left(judgement.first)
@@ -129,19 +131,31 @@ class GaitSets:
     def with_tolerances(self) -> tuple[Judgement, JudgedSets]:
         """Return effects of any number on a robot that is a little wrong in everything."""
         tolerant = with_tolerances(self.first, self.context)
-        judge, fits = self._run(tolerant, self.hypotheses, self.context.settings.gait_sets, self.begun)
-        return self._end(tolerant, judge, fits, with_tolerances, partial(floors_apart, floors=self.floors))
+        settings, sums = self.context.settings.gait_sets, best_sums(tolerant.fits, tolerant.nominal)
+        # What a sum leaves hardly says what its fit will leave. To beginnings all are soon fitted.
+        first = settings if self.begins_whole else replace(settings, begun=len(sums))
+        judge, fits = self._run(tolerant, self.hypotheses, first, self.begun, sums)
+        apart = partial(floors_apart, floors=self.floors)
+        return self._end(tolerant, judge, fits, settings, with_tolerances, apart)
 
     def _end(
-        self, first: Judgement, judge: SetJudge, fits: Sequence[SetFit], about: About, apart: Apart
+        self,
+        first: Judgement,
+        judge: SetJudge,
+        fits: Sequence[SetFit],
+        settings: SetSettings,
+        about: About,
+        apart: Apart,
     ) -> tuple[Judgement, JudgedSets]:
         """Return the whole trials and the sets, by the covariance about the best set so far.
 
-        Of beginnings only those effects are tried that these promised.
+        Of beginnings only those effects are tried that these promised, on a robot that is a little wrong in
+        other sets, too.
 
         Args:
             first: what the search began with.
             judge, fits: what it found.
+            settings: how sets are searched.
             about: returns the covariance about the robot with a set.
             apart: tells how far two robots are apart.
         """
@@ -152,9 +166,12 @@ class GaitSets:
             judgement = _with_fits_of(self.wide, fits, first.fits, self.context)
             hypotheses = [fit.hypothesis for fit in judgement.fits if len(fit.comparisons) > 1]
         if again:
-            begin = _beginnings(judge, fits)
+            begin = _beginnings(judge, fits, settings)
             judgement = about(judgement, self.context, fits[0].point)
-            judge, fits = self._run(judgement, hypotheses, judge.settings, known, begin)
+            if judgement.tolerant and not self.begins_whole:  # beginnings hardly tell some sets apart
+                begin += best_sums(judgement.fits, judgement.nominal)
+                settings = replace(settings, begun=2 * settings.begun)
+            judge, fits = self._run(judgement, hypotheses, settings, known, begin)
         judged = _judged(judge, fits, known, apart)
         return replace(judgement, sets=judged), judged
 
@@ -195,14 +212,15 @@ class GaitSets:
         return judge, search.run()
 
 
-def _beginnings(judge: SetJudge, fits: Sequence[SetFit]) -> list[Point]:
+def _beginnings(judge: SetJudge, fits: Sequence[SetFit], settings: SetSettings) -> list[Point]:
     """Return the leading sets; not those that only add to a better one.
 
     Args:
         judge: the judge of the sets.
         fits: the sets, the best first.
+        settings: how many.
     """
-    score, settings = judge.fitter.score, judge.settings
+    score = judge.fitter.score
     chosen: list[SetFit] = []
     for fit in fits:
         new = not any(one.names < fit.names for one in chosen)

@@ -67,6 +67,18 @@ def test_a_search_that_sets_out_from_a_wrong_set_leaves_it() -> None:
     assert best.names == set(planted)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_two_effects_that_hide_each_other_are_found_from_their_sum(seed: int) -> None:
+    """Beside nothing neither of them helps."""
+    rig = bench({}, seed)
+    common, own = rig.responses["effect_1"], rig.responses["effect_2"]
+    others = {"less": lambda value: 0.5 * own(value) - common(value), "more": common}
+    rig.responses = {"effect_3": rig.responses["effect_3"]} | others
+    rig.measured = rig.measured + sum(response(0.5) for response in others.values())
+    assert not search(rig).run()[0].hypotheses
+    assert search(rig, begin=("less", "more")).run()[0].names == {"less", "more"}
+
+
 def test_nothing_is_found_where_nothing_is_wrong() -> None:
     assert not search(bench({}, 4)).run()[0].hypotheses
 

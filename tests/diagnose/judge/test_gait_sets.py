@@ -1,6 +1,7 @@
 """Gaits of robots that are a little wrong in everything: the covariance and the floors."""
 
 from dataclasses import replace
+from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,8 +13,9 @@ from gaitopt import Problem
 from gaitopt.core.streams import seeded
 from gaitopt.diagnose.fit.robust import WideLoss
 from gaitopt.diagnose.gap.floor import Floor
-from gaitopt.diagnose.judge.gait_sets import floors_apart, squares_apart
+from gaitopt.diagnose.judge.gait_sets import GaitSets, floors_apart, squares_apart
 from gaitopt.diagnose.judge.perturbed import compared_about
+from gaitopt.diagnose.judge.settings import DEFAULT
 from gaitopt.diagnose.judge.small_errors import tolerant_robots, tolerant_scenarios
 from gaitopt.simulation.rollout import Simulator
 
@@ -93,3 +95,57 @@ def test_how_far_exact_robots_are_apart_is_counted_in_whitened_squares_of_the_wo
     one = toy_comparison([], np.zeros(8))
     moved = toy_comparison([], np.repeat([0.1, 3.0], 4))
     assert squares_apart(trial_set, one, moved) == pytest.approx(9.0)
+
+
+@pytest.mark.parametrize(("rows", "fitted"), [(10, 16), (40, DEFAULT.gait_sets.begun)])
+def test_the_tolerant_search_sets_out_from_the_sums_by_its_own_covariance(
+    monkeypatch: pytest.MonkeyPatch, rows: int, fitted: int
+) -> None:
+    """All sums are fitted to beginnings; whole trials are fitted the usual number of sets."""
+    module = import_module("gaitopt.diagnose.judge.gait_sets")
+    tolerant, wide = (
+        SimpleNamespace(fits="tolerant fits", nominal="tolerant nominal"),
+        SimpleNamespace(n_rows=40),
+    )
+    first: Any = SimpleNamespace(n_rows=rows)
+    sums: Any = {("tolerant fits", "tolerant nominal"): [["a pair"]] * 16}
+    monkeypatch.setattr(module, "with_tolerances", lambda *_: tolerant)
+    monkeypatch.setattr(module, "best_sums", lambda fits, nominal: sums[fits, nominal])
+    told: dict[str, Any] = {}
+
+    def run(self: GaitSets, judgement: Any, hypotheses: Any, settings: Any, known: Any, begin: Any) -> Any:
+        told["begin"], told["fitted"] = begin, settings.begun
+        return "judge", "fits"
+
+    monkeypatch.setattr(GaitSets, "_run", run)
+    monkeypatch.setattr(GaitSets, "_end", lambda self, first, judge, fits, settings, *_: settings)
+    context: Any = SimpleNamespace(settings=DEFAULT)
+    ended: Any = GaitSets(first, wide, (), (), context).with_tolerances()  # type: ignore[arg-type]
+    assert (told["begin"], told["fitted"]) == ([["a pair"]] * 16, fitted)
+    assert ended == DEFAULT.gait_sets
+
+
+@pytest.mark.parametrize(("rows", "tolerant", "begin"), [(10, True, 5), (10, False, 4), (40, True, 4)])
+def test_whole_trials_of_a_robot_that_is_a_little_wrong_are_searched_from_their_own_sums_too(
+    monkeypatch: pytest.MonkeyPatch, rows: int, tolerant: bool, begin: int
+) -> None:
+    """Beginnings hardly tell some sets apart, so the best of them may be a wrong one."""
+    module = import_module("gaitopt.diagnose.judge.gait_sets")
+    judgement: Any = SimpleNamespace(n_rows=rows, fits=[], nominal=None, tolerant=tolerant)
+    monkeypatch.setattr(module, "_with_fits_of", lambda *_: judgement)
+    monkeypatch.setattr(module, "_beginnings", lambda *_: [["found"]] * 4)
+    monkeypatch.setattr(module, "best_sums", lambda *_: [["a sum"]])
+    monkeypatch.setattr(module, "_judged", lambda *_: "judged")
+    monkeypatch.setattr(module, "replace", lambda one, **_: one)
+    told: list[Any] = []
+
+    def run(self: GaitSets, judgement: Any, hypotheses: Any, settings: Any, known: Any, begin: Any) -> Any:
+        told.append(begin)
+        return "judge", "fits"
+
+    monkeypatch.setattr(GaitSets, "_run", run)
+    fits: Any = [SimpleNamespace(hypotheses=("an effect",), point="point")]
+    sets = GaitSets(judgement, SimpleNamespace(n_rows=40), (), (), None)  # type: ignore[arg-type]
+    sets._end(judgement, "judge", fits, DEFAULT.gait_sets, lambda one, *_: one, None)  # type: ignore[arg-type]
+    assert len(told[0]) == begin
+    assert (["a sum"] in told[0]) == (begin == 5)
