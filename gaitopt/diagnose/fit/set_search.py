@@ -72,7 +72,7 @@ class SetSearch:
         """Return the sets that were fitted, the best score first; the empty set is among them."""
         best = self._kept([self.fitter.empty(self.nominal), *self.fitter.placed(self._known_points)])[-1]
         places = sorted(self.fitter.placed(self.begin), key=self.fitter.score)[: self.settings.begun]
-        begun = [self._pruned(one) for one in self._leading(self._kept(self._refined(places)))]
+        begun = [self._pruned(one) for one in self._nearly_best(self._kept(self._refined(places)))]
         if begun:
             best = self._exchanged(min(begun, key=self.fitter.score))
         best = self._climbed(best)
@@ -85,7 +85,7 @@ class SetSearch:
         self._finish()
         return self.ranked
 
-    def _leading(self, fits: Sequence[SetFit]) -> list[SetFit]:
+    def _nearly_best(self, fits: Sequence[SetFit]) -> list[SetFit]:
         """Return the sets that score nearly as well as the best of them."""
         score = self.fitter.score
         limit = min(map(score, fits), default=0.0) + self.settings.begun_within
