@@ -8,7 +8,7 @@ violated limit that any method, or a search on the true robot, has found. With `
 its robot through the films of a synthetic phone, which are tracked and told as a user does it.
 
     python tests/studies/campaigns.py --cases 24 --seed 4 --work WORK --out results/campaigns
-    python tests/studies/campaigns.py --cases 4 --seed 2 --filmed --work WORK --out results/campaigns/filmed
+    python tests/studies/campaigns.py --cases 4 --seed 5 --filmed --work WORK --out results/campaigns/filmed
 
 WORK keeps what a study that was ended needs to go on.
 
