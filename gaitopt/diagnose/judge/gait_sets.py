@@ -149,8 +149,8 @@ class GaitSets:
     ) -> tuple[Judgement, JudgedSets]:
         """Return the whole trials and the sets, by the covariance about the best set so far.
 
-        Of beginnings only those effects are tried that these promised, on a robot that is a little wrong in
-        other sets, too.
+        Where the search began with beginnings, whole trials are tried with the effects that these promised.
+        With tolerances, whole trials are searched from their own sums of two effects, too.
 
         Args:
             first: what the search began with.

@@ -62,8 +62,7 @@ def conclude_sets(
     before = _typical(judgement, sets, judgement.none)
     if not causes:  # each effect does less than shows
         # What a floor of the sensor alone does not hide under logged commands may be significant and tiny.
-        by_chance = chance_alone > settings.significance or not judgement.tolerant
-        nothing = before <= settings.left and by_chance
+        nothing = before <= settings.left and not judgement.tolerant
         kind = "no_gap" if nothing else "unexplained"
     elif remains <= settings.left:
         kind = "explained" if clear else "ambiguous"
