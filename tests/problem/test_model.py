@@ -1,7 +1,10 @@
 """The compiled model: parameters, full precision, fidelity."""
 
+import copy
 import math
+import threading
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -86,3 +89,19 @@ def test_fidelity_is_the_models(strider: Problem, integrator: str) -> None:
     model = build_model(strider, fidelity)
     assert model.opt.timestep == 5e-4
     assert model.opt.integrator == getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+
+
+@pytest.mark.parametrize("name", ["arcfold", "quadruped", "arcfold-held"])
+def test_islands_are_looked_for_where_there_is_more_than_one_tree(name: str) -> None:
+    """In one tree this changes no bit."""
+    problem = load_problem(name)
+    simulator = Simulator.build(problem)
+    flag = int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+    (model,) = simulator.models
+    assert bool(model.opt.disableflags & flag) == (model.ntree == 1)
+    other = copy.copy(model)
+    other.opt.disableflags ^= flag
+    twin = replace(simulator, models=(other,), _local=threading.local())
+    gait = next(iter(problem.baselines.values()))
+    walks = [one.run(gait, duration=1.0) for one in (simulator, twin)]
+    assert same_bits(*walks) == (model.ntree == 1)
