@@ -16,7 +16,12 @@ from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.fit.residual import by_signal
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.causes import Causes
-from gaitopt.diagnose.judge.small_errors import tolerant_scenarios
+from gaitopt.diagnose.judge.small_errors import (
+    is_finer,
+    is_finer_tolerant,
+    perturbed_scenarios,
+    tolerant_scenarios,
+)
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.effects.active import EffectValues
 from gaitopt.gait.drive import Drive
@@ -37,13 +42,14 @@ class PredictionSettings:
     """How predictions are made.
 
     Attributes:
-        robots: robots of the posterior that each gait is simulated on,
+        robots: robots of the posterior that each gait is simulated on; of fewer than 19 the interval would be
+            too narrow (`spread90`),
         tolerant: their number where they are a little wrong in everything.
         stretches: parts of a recording that are resampled for the interval of its error.
         draws: number of resamplings.
     """
 
-    robots: int = 16
+    robots: int = 20
     tolerant: int = 48
     stretches: int = 8
     draws: int = 200
@@ -57,12 +63,12 @@ class Prediction:
         gait: its name.
         filmed: whether the data set has it.
         speed: forward speed of the robot, m/s; None for problems without travel, and for logs. Its interval
-            holds what is not known of the robot, with the start pose and, where these count, the tolerances,
-            and what no effect explains: its width to a side is the root of the sum of two squares, of the
-            robots' and of the left-over. Where tolerances count, the recordings narrow the interval
-            (`Ensemble`). The left-over is an error of the travel per cycle, by the evidence of held-out
-            gaits, by Student's t. With one gait only, it is that of held-out cycles, which says little about
-            other gaits.
+            holds what is not known of the robot, with the start pose, the timestep and small errors or, where
+            these count, the tolerances, and what no effect explains. Its width to a side is the root of the
+            sum of two squares, of the robots' and of the left-over. Where tolerances count, the recordings
+            narrow the interval (`Ensemble`). The left-over is an error of the travel per cycle, by the
+            evidence of held-out gaits, by Student's t. With one gait only, it is that of held-out cycles,
+            which says little about other gaits.
         nominal_m_s: the speed of the nominal robot, m/s; None without `speed`.
         failed: robots whose simulation failed; they are left out.
         rms: RMS error of each signal, m or rad, to be expected where the same is recorded again. It is what
@@ -138,21 +144,25 @@ def _speeds(
     seed: int,
     settings: PredictionSettings,
 ) -> list[Prediction]:
-    """Return the speed of each gait over some of the robots, each from a start pose of its own."""
+    """Return the speed of each gait over some of the robots, each with small errors and a start pose.
+
+    Some have half the timestep: what contacts do depends on it.
+    """
     if not gaits:
         return []
     problem, fidelity = found.trial_set.problem, found.trial_set.simulator.fidelity
-    begun, ensemble = _scenarios(found, seed, settings), found.ensemble
-    drawn = zip(begun, evenly(robots, len(begun)), strict=False)
-    setup = RobotSetup.of(
-        problem, [NOMINAL, *(replace(one, effects=robot) for one, robot in drawn)], fidelity
-    )
-    work = [(setup, gait, index) for gait in gaits.values() for index in range(len(setup.scenarios))]
+    walks, ensemble = _walks(found, seed, settings), found.ensemble
+    pairs = zip(walks, evenly(robots, len(walks)), strict=False)
+    walks = [_Walk(NOMINAL), *(replace(one, begun=replace(one.begun, effects=robot)) for one, robot in pairs)]
+    scenarios = [one.begun for one in walks]
+    setup, finer = (RobotSetup.of(problem, scenarios, one) for one in (fidelity, fidelity.scaled(0.5)))
+    setups = [finer if one.finer else setup for one in walks]
+    work = [(own, gait, index) for gait in gaits.values() for index, own in enumerate(setups)]
     done = iter(assess_all(work, executor))
     left_over = leftover_travel(found)
     rows = []
     for name, gait in gaits.items():
-        nominal, *others = [next(done) for _ in setup.scenarios]
+        nominal, *others = [next(done) for _ in setups]
         values = np.array([outcome.metrics[SPEED.name] for outcome in others])
         failed = sum(outcome.status != "ok" for outcome in others)
         learnt = None if ensemble is None else ensemble.first(len(values)).learnt(values, seed)
@@ -161,18 +171,25 @@ def _speeds(
     return rows
 
 
-def _scenarios(found: Causes, seed: int, settings: PredictionSettings) -> Sequence[Scenario]:
-    """Return how the robots' walks begin, and their small errors where they have any."""
+@dataclass(frozen=True)
+class _Walk:
+    """How a robot's walk begins, with its small errors, and whether it has half the timestep."""
+
+    begun: Scenario
+    finer: bool = False
+
+
+def _walks(found: Causes, seed: int, settings: PredictionSettings) -> list[_Walk]:
+    """Return how the robots walk: those whose recordings are known, or others that are made exactly."""
     simulator = found.trial_set.simulator
-    if found.ensemble is not None:
-        numbers = found.ensemble.numbers[: settings.tolerant]
-        drawn = tolerant_scenarios(simulator, found.seed, numbers[-1] + 1)
-        poses = generator(seed, Stream.ENSEMBLE_POSES).integers(2**31, size=len(numbers)).tolist()
-        pairs = zip(numbers, poses, strict=True)  # a robot begins each walk anew
-        return [replace(drawn[number], pose_seed=pose) for number, pose in pairs]
-    size = simulator.problem.file.tolerances.start_pose_rad
-    seeds = generator(seed, Stream.POSTERIOR_DRAWS).integers(2**31, size=settings.robots).tolist()
-    return [Scenario(start_pose_rad=size, pose_seed=number) for number in seeds]
+    if found.ensemble is None:
+        made = perturbed_scenarios(simulator, seed, settings.robots)
+        return [_Walk(one, is_finer(index)) for index, one in enumerate(made)]
+    numbers = found.ensemble.numbers[: settings.tolerant]
+    drawn = tolerant_scenarios(simulator, found.seed, numbers[-1] + 1)
+    poses = generator(seed, Stream.ENSEMBLE_POSES).integers(2**31, size=len(numbers)).tolist()
+    pairs = zip(numbers, poses, strict=True)  # a robot begins each walk anew
+    return [_Walk(replace(drawn[n], pose_seed=pose), is_finer_tolerant(n)) for n, pose in pairs]
 
 
 def widened(expected: Expected, half: float) -> Expected:

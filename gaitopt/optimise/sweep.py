@@ -19,7 +19,7 @@ from gaitopt.simulation.metrics import Metrics
 from gaitopt.simulation.scenario import NOMINAL
 from gaitopt.simulation.setup import RobotSetup
 
-SWEPT = 16
+SWEPT = 20
 """Most robots of a posterior that each value is simulated on."""
 
 

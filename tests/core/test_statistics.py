@@ -13,6 +13,7 @@ from gaitopt.core.statistics import (
     interval90,
     noise_sd,
     robust_sd,
+    spread90,
     uniform_sd,
 )
 
@@ -33,6 +34,21 @@ def test_nine_in_ten_intervals_hold_the_mean() -> None:
     rng = np.random.default_rng(2)
     ends = np.array([interval90(rng.normal(0.0, 1.0, 5)) for _ in range(2000)])
     assert np.mean((ends[:, 0] < 0.0) & (ends[:, 1] > 0.0)) == pytest.approx(0.9, abs=0.02)
+
+
+@pytest.mark.parametrize("count", [19, 48, 128])
+def test_nine_in_ten_intervals_of_values_hold_one_more(count: int) -> None:
+    """Of a skewed distribution, too."""
+    rng = np.random.default_rng(count)
+    drawn = rng.exponential(1.0, (4000, count + 1))
+    ends = np.array([spread90(row[1:]) for row in drawn])
+    held = (ends[:, 0] <= drawn[:, 0]) & (drawn[:, 0] <= ends[:, 1])
+    assert np.mean(held) == pytest.approx(0.9, abs=0.015)
+
+
+def test_few_values_lie_between_the_ends_of_their_interval() -> None:
+    assert spread90(np.array([3.0, np.nan, 1.0, 2.0])) == (1.0, 3.0)
+    assert np.isnan(spread90(np.array([np.nan]))).all()
 
 
 def test_the_normal_distributions_point() -> None:

@@ -17,7 +17,7 @@ from gaitopt.effects.active import ActiveEffect
 from gaitopt.problem.problem import Problem
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
-from gaitopt.simulation.tolerances import draw_errors, draw_measurement
+from gaitopt.simulation.tolerances import SmallErrors, draw_errors, draw_measurement, own_bodies
 
 
 def perturbed_robots(
@@ -49,8 +49,38 @@ def perturbed_robots(
         if index % 3 == 1:
             swap_cone(model)
         robot = replace(base, scenarios=(scenarios[index],), models=(model,))
-        robots.append(robot.at(halved if index % 2 else simulator.fidelity))
+        robots.append(robot.at(halved if is_finer(index) else simulator.fidelity))
     return robots
+
+
+def is_finer(index: int) -> bool:
+    """Whether one of the robots that are made exactly has half the timestep."""
+    return index % 2 == 1
+
+
+def is_finer_tolerant(index: int) -> bool:
+    """Whether one of the robots that are a little wrong in everything has half the timestep."""
+    return index % 4 == 1
+
+
+def perturbed_scenarios(
+    simulator: Simulator, seed: int, count: int, settings: SmallErrorSettings = SMALL_ERRORS
+) -> list[Scenario]:
+    """Return robots with other masses, hinges and start poses as scenarios, those of the posterior's draws.
+
+    Args:
+        simulator: the robot without errors.
+        seed: seed of the draws.
+        count: number of robots.
+        settings: sizes of the errors.
+    """
+    rng, size = generator(seed, Stream.POSTERIOR_DRAWS), simulator.problem.file.tolerances.start_pose_rad
+    parts, scenarios = simulator.effects.nominal, []
+    for number in rng.integers(2**31, size=count).tolist():
+        mass, hinges = _factors(len(own_bodies(parts.model)), len(parts.hinges), rng, settings)
+        errors = SmallErrors(mass=tuple(mass.tolist()), hinge_stiffness=tuple(hinges.tolist()))
+        scenarios.append(Scenario(errors, size, number))
+    return scenarios
 
 
 def tolerant_robots(simulator: Simulator, seed: int, count: int) -> list[Simulator]:
@@ -71,7 +101,7 @@ def tolerant_robots(simulator: Simulator, seed: int, count: int) -> list[Simulat
         if index % 3 == 1:
             swap_cone(model)
         robot = replace(robot, effects=replace(robot.effects, active=measured), models=(model,))
-        robots.append(robot.at(halved) if index % 4 == 1 else robot)
+        robots.append(robot.at(halved) if is_finer_tolerant(index) else robot)
     return robots
 
 
@@ -100,14 +130,22 @@ def with_small_errors(
 ) -> mujoco.MjModel:
     """Return a robot with a small error in the mass of each body and the stiffness of each hinge."""
     model = copy.copy(model)
-    factors = 1.0 + settings.mass * rng.standard_normal(model.nbody)
-    model.body_mass[:] *= factors
-    model.body_inertia[:] *= factors[:, None]
     hinges = [model.joint(name).id for name in simulator.problem.roles.hinges]
-    errors = settings.hinge * rng.standard_normal(len(hinges))
-    model.jnt_stiffness[hinges] *= 1.0 + errors - (errors.mean() if len(hinges) else 0.0)
+    mass, stiffness = _factors(model.nbody, len(hinges), rng, settings)
+    model.body_mass[:] *= mass
+    model.body_inertia[:] *= mass[:, None]
+    model.jnt_stiffness[hinges] *= stiffness
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
+
+
+def _factors(
+    bodies: int, hinges: int, rng: np.random.Generator, settings: SmallErrorSettings
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a factor on the mass of each body, and one on the stiffness of each hinge about the others'."""
+    mass = 1.0 + settings.mass * rng.standard_normal(bodies)
+    errors = settings.hinge * rng.standard_normal(hinges)
+    return mass, 1.0 + errors - (errors.mean() if hinges else 0.0)
 
 
 def misplace_tags(model: mujoco.MjModel, problem: Problem, rng: np.random.Generator) -> None:
