@@ -64,14 +64,14 @@ def test_a_warning_of_mujocos_is_a_status(tmp_path: Path) -> None:
 
 
 def test_a_gait_that_exhausts_the_memory_fails_alone(tmp_path: Path) -> None:
-    found = statuses(granted(tmp_path / "robot", "6K"))
+    found = statuses(granted(tmp_path / "robot", "4900"))
     failed = [status for status in found if status != "ok"]
     assert len(failed) == 1
     assert failed[0].startswith(f"failed: {MEMORY}")
 
 
 def test_a_failed_rollout_has_no_figures_and_leaves_the_next_one_alone(tmp_path: Path) -> None:
-    problem = granted(tmp_path / "robot", "6K")
+    problem = granted(tmp_path / "robot", "4900")
     gaits = [problem.space.decode(point) for point in quasi_random(problem.space, 6, 1)]
     simulator, fresh = Simulator.build(problem), Simulator.build(problem)
     runs = [simulator.run(gait) for gait in gaits]
@@ -83,7 +83,7 @@ def test_a_failed_rollout_has_no_figures_and_leaves_the_next_one_alone(tmp_path:
 
 @pytest.mark.slow
 def test_a_study_goes_on_and_the_report_counts_why_gaits_failed(tmp_path: Path) -> None:
-    problem, out = granted(tmp_path / "robot", "5K"), tmp_path / "out"
+    problem, out = granted(tmp_path / "robot", "4900"), tmp_path / "out"
     arguments = ("optimise", problem.source.parent, "--budget", 12, "--seed", 3, "--out", out, "--quiet")
     assert here(*arguments) == 0
     journal = RunFolder.reopen(out).folder.open_journal(load_problem(out))
