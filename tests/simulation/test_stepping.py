@@ -177,7 +177,7 @@ def test_what_mujoco_stops_has_the_same_status_and_leaves_the_next_one_alone(
 ) -> None:
     option = '<option cone="elliptic" impratio="10"/>'
     folder = problem_folder(tmp_path / "robot", STRIDER)
-    edited(folder / "strider.xml", option, f'{option}<size memory="6K"/>')
+    edited(folder / "strider.xml", option, f'{option}<size memory="4900"/>')
     problem = load_problem(folder)
     simulator = Simulator.build(problem.with_effects(SAG))
     gaits = [problem.space.decode(point) for point in quasi_random(problem.space, 6, 1)]
