@@ -26,9 +26,8 @@ def spread90(values: NDArray[np.float64]) -> tuple[float, float]:
     """Return the interval that one more value of the same kind lies in, in 9 of 10 cases.
 
     Its ends are the ranks r of n sorted values with r / (n + 1) = 0.05 and 0.95, whatever the distribution
-    (Weibull 1939; Hyndman and Fan 1996, type 6). Fewer than 19 values have no such ranks: then
-    the ends are the smallest and the largest value, and the interval holds one more in (n - 1) / (n + 1) of
-    the cases.
+    (Weibull 1939; Hyndman and Fan 1996, type 6). Fewer than 19 values have no such ranks: then the ends are
+    the smallest and the largest value, and the interval holds one more in (n - 1) / (n + 1) of the cases.
 
     Args:
         values: the values, shape (n,); those that are not finite are left out.

@@ -24,7 +24,7 @@ class Expected:
 
     Attributes:
         mean: its mean over the robots that have it; NaN where none has.
-        ci90: the interval that holds the middle 90 % of them.
+        ci90: the interval that holds that of one more robot in 9 of 10 cases (`spread90`).
     """
 
     mean: float
