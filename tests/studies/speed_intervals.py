@@ -40,6 +40,7 @@ from gaitopt.simulation.metrics import SPEED, measure
 from gaitopt.simulation.rollout import Simulator
 from gaitopt.simulation.scenario import Scenario
 from gaitopt.simulation.setup import RobotSetup
+from gaitopt.simulation.tolerances import NO_ERRORS
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -58,27 +59,21 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     problem, rng = load_problem("arcfold"), np.random.default_rng(options.seed)
     nominal = Simulator.build(problem)
-    known = [h for h in _hypotheses(nominal) if h.effect.changes_robot]
+    parts, channels = nominal.effects.nominal, problem.channel_names
+    known = [h for h in hypotheses(parts, channels, offset_known=True) if h.effect.changes_robot]
     held: dict[str, list[bool]] = {}
     widths: dict[str, list[float]] = {}
     with open_executor("threads", None) as executor:
         for _ in range(options.robots):
             effect = _drawn(known, rng)
-            for name in GAITS:
-                gait, true = (
-                    problem.baselines[name],
-                    _true_speed(problem, effect, problem.baselines[name], rng),
-                )
+            for gait in (problem.baselines[name] for name in GAITS):
+                true = _true_speed(problem, effect, gait, rng)
                 for way, (low, high) in _intervals(nominal, effect, gait, executor, rng):
                     held.setdefault(way, []).append(low <= true <= high)
                     widths.setdefault(way, []).append(high - low)
     text = _table(held, widths)
     write_text(options.out / "speed-intervals.md", text)
     print(text)
-
-
-def _hypotheses(nominal: Simulator) -> list[Hypothesis]:
-    return hypotheses(nominal.effects.nominal, nominal.problem.channel_names, offset_known=True)
 
 
 def _drawn(known: list[Hypothesis], rng: np.random.Generator) -> EffectValue:
@@ -109,9 +104,7 @@ def _intervals(
     problem, fidelity = nominal.problem, nominal.fidelity
     made = perturbed_scenarios(nominal, int(rng.integers(2**31)), PredictionSettings().robots)
     drawn = [replace(one, effects=(effect,)) for one in made]
-    posed = [
-        Scenario(start_pose_rad=s.start_pose_rad, pose_seed=s.pose_seed, effects=s.effects) for s in drawn
-    ]
+    posed = [replace(one, errors=NO_ERRORS) for one in drawn]
     plain = RobotSetup.of(problem, posed, fidelity)
     usual, finer = (RobotSetup.of(problem, drawn, one) for one in (fidelity, fidelity.scaled(0.5)))
 
