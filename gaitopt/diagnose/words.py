@@ -153,6 +153,7 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
         return []
     sentences = []
     best = found.best
+    small = found.judgement.small_errors(best)
     for row in found.effects[:4]:
         estimate = row.parameter
         low, high = estimate.ci90
@@ -160,6 +161,8 @@ def _ranking(diagnosis: Diagnosis) -> list[str]:
             f"{row.name} ({row.target}): {row.probability:.0%} probable, {estimate.name} = "
             f"{estimate.value:.4g} ({low:.4g} to {high:.4g})"
         )
+        if row.name in small:
+            text += ", no more than the tolerances allow"
         if row.name not in best.names:
             text += _likeness(row.alike, best.label)
         sentences.append(f"{text}.")

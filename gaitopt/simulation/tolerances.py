@@ -87,6 +87,51 @@ def draw_errors(parts: Parts, tolerances: Tolerances, rng: np.random.Generator) 
     )
 
 
+def allowed(effect: str, neutral: float, tolerances: Tolerances) -> tuple[float, float]:
+    """Return the least and the largest parameter of an effect that small errors may give it, in its unit.
+
+    Both are the neutral one for an effect that is no small error.
+
+    Args:
+        effect: name of the effect.
+        neutral: its parameter on the nominal robot.
+        tolerances: standard deviation of each error.
+    """
+    low, high = (neutral * _factors(tolerances, end).get(effect, 1.0) for end in (-WIDEST, WIDEST))
+    offset = WIDEST * _offsets(tolerances).get(effect, 0.0)
+    return low - offset, high + offset
+
+
+def _factors(tolerances: Tolerances, units: float) -> dict[str, float]:
+    """Return the factor on each effect's parameter where every error is so many standard deviations."""
+
+    def factor(*sds: float) -> float:
+        return math.prod(1.0 + units * sd for sd in sds)
+
+    friction = factor(tolerances.friction, tolerances.friction_each)
+    return {
+        "pad_friction": friction,
+        "body_friction": friction,
+        "pad_imbalance": factor(tolerances.friction_each) / factor(-tolerances.friction_each),
+        "servo_torque_limit": factor(tolerances.servo_strength, tolerances.servo_strength_each),
+        "servo_gain": factor(tolerances.servo_gain_each),
+        "servo_damping": factor(tolerances.servo_damping_each),
+        "hinge_stiffness": factor(tolerances.hinge_stiffness_each),
+        "camera_scale": factor(tolerances.camera_scale),
+        "clock_rate": factor(tolerances.clock_rate),
+    }
+
+
+def _offsets(tolerances: Tolerances) -> dict[str, float]:
+    """Return the standard deviation of each effect's parameter to which an error is added."""
+    return {
+        "servo_trim": math.radians(tolerances.servo_trim_deg),
+        "ground_slope": math.radians(tolerances.slope_deg),
+        "camera_tilt": math.radians(tolerances.camera_tilt_deg),
+        "clock_offset": tolerances.clock_offset_s,
+    }
+
+
 def touching_geoms(parts: Parts) -> list[int]:
     """Return the geoms whose friction differs: those of the roles, or all where none is named."""
     return parts.touching or list(range(parts.model.ngeom))

@@ -22,6 +22,7 @@ from gaitopt.optimise.executors import open_executor
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.records import Fidelity
 from gaitopt.simulation.rollout import Simulator
+from gaitopt.simulation.tolerances import allowed
 
 PLAN = RecordingPlan(("square-1s", "square-0.5s"), 3.0)
 
@@ -101,6 +102,29 @@ def test_an_effect_on_all_servos_has_their_mean_error(factory: CaseFactory) -> N
     (told,) = [e.parameters["scale"] for e in numerics.errors(factory) if e.name == "pad_friction"]
     friction = [robot.models[0].geom_friction[pads, 0] for robot in (erring, factory.nominal)]
     assert told == pytest.approx(np.mean(friction[0] / friction[1]))
+
+
+def test_no_small_error_is_larger_than_the_tolerances_allow(factory: CaseFactory) -> None:
+    """Errors of 200 robots reach far to both sides of it, and the mean error of all hinges less far."""
+    fidelity = Fidelity(timestep_s=1e-3, integrator="implicitfast")
+    tolerances = factory.problem.file.tolerances
+    neutral = {(h.effect.name, h.target): h.value(h.neutral) for h in factory.hypotheses}
+    reached: dict[str, list[float]] = {}
+    for seed in range(200):
+        for error in Numerics(fidelity, 5.0, seed, True).errors(factory):
+            (value,) = error.parameters.values()
+            low, high = allowed(error.name, neutral[error.name, error.target], tolerances)
+            assert low <= value <= high, error
+            reached.setdefault(error.name, []).append((value - low) / (high - low))
+    assert len(reached) == 13
+    for name, shares in reached.items():
+        far = 0.4 if name == "hinge_stiffness" else 0.25
+        assert min(shares) < far, name
+        assert max(shares) > 1.0 - far, name
+
+
+def test_a_payload_is_no_small_error(factory: CaseFactory) -> None:
+    assert allowed("payload_mass", 0.0, factory.problem.file.tolerances) == (0.0, 0.0)
 
 
 def test_nothing_else_is_wrong_with_an_exactly_made_robot(factory: CaseFactory) -> None:

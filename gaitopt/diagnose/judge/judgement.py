@@ -26,6 +26,7 @@ from gaitopt.diagnose.judge.gap import GapMeter
 from gaitopt.diagnose.judge.perturbed import Perturb, PerturbedRobots, perturbed_about
 from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.settings import DEFAULT, DiagnosisSettings
+from gaitopt.simulation.tolerances import allowed
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,21 @@ class Judgement:
     def tolerant(self) -> bool:
         """Whether the covariance is that of robots that are a little wrong in everything."""
         return self.tolerant_robots is not None
+
+    def small_errors(self, candidate: Candidate) -> frozenset[str]:
+        """Return the effects of a candidate that are no larger than the tolerances allow.
+
+        On an exactly made robot nothing is a small error.
+        """
+        if not self.tolerant:
+            return frozenset()
+        tolerances = self.trial_set.problem.file.tolerances
+        names = set[str]()
+        for h, at in zip(candidate.hypotheses, candidate.at, strict=True):
+            low, high = allowed(h.effect.name, h.value(h.neutral), tolerances)
+            if low < high and low <= h.value(at) <= high:
+                names.add(h.effect.name)
+        return frozenset(names)
 
     @property
     def n_rows(self) -> int:

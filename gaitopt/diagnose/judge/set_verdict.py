@@ -60,9 +60,10 @@ def conclude_sets(
     remains = _typical(judgement, sets, first)
     other = other_probability(remains / settings.other_half, settings)
     before = _typical(judgement, sets, judgement.none)
-    if not causes:  # each effect does less than shows
+    if not causes:  # each effect does less than shows, or is a small error
         # What a floor of the sensor alone does not hide under logged commands may be significant and tiny.
-        nothing = before <= settings.left and not judgement.tolerant
+        small = judgement.small_errors(first) >= set(first.names) and remains <= settings.left
+        nothing = small or (before <= settings.left and not judgement.tolerant)
         kind = "no_gap" if nothing else "unexplained"
     elif remains <= settings.left:
         kind = "explained" if clear else "ambiguous"
@@ -130,6 +131,8 @@ def _least_hinted(judgement: Judgement) -> float:
 def at_work(judgement: Judgement, sets: JudgedSets, least: float) -> Mapping[str, float]:
     """Return the probability over all sets that an effect is at work and matters, the likeliest first.
 
+    An effect that is no larger than the tolerances allow is a small error of the robot, and does not count.
+
     Args:
         judgement: the trials and the sets.
         sets: the sets.
@@ -138,8 +141,10 @@ def at_work(judgement: Judgement, sets: JudgedSets, least: float) -> Mapping[str
     totals: dict[str, float] = {}
     chances = judgement.ranking.probabilities.tolist()
     for candidate, changes, chance in zip(sets.candidates, sets.changes, chances, strict=True):
+        small = judgement.small_errors(candidate)
         for one in candidate.hypotheses:
-            if one.name in sets.known or changes[one.name] >= least:
+            shows = changes[one.name] >= least and one.effect.name not in small
+            if one.name in sets.known or shows:
                 totals[one.effect.name] = totals.get(one.effect.name, 0.0) + chance
     return dict(sorted(totals.items(), key=lambda item: -item[1]))
 

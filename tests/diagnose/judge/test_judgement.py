@@ -1,10 +1,13 @@
 """The covariance from perturbed robots around the leaders, and which candidate then wins."""
 
 from functools import partial
-from typing import cast
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
+import pytest
 from toyfits import toy_comparison, toy_fit, toy_trials
+from toysets import toy_hypothesis
 
 from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.diagnose.fit.runner import Runner
@@ -17,6 +20,7 @@ from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.perturbed import PerturbedRobots
 from gaitopt.diagnose.judge.settings import DiagnosisSettings
 from gaitopt.optimise.executors import SerialExecutor
+from gaitopt.problem.tolerances import Tolerances
 
 ROWS = 60
 UNFINISHED = DiagnosisSettings(fit=FitSettings(finish_rounds=0, finish_rounds_measurement=0))
@@ -64,3 +68,21 @@ def test_a_candidate_that_imitates_small_errors_does_not_win() -> None:
 def named(judgement: Judgement) -> set[str]:
     ranking = judgement.ranking
     return set(evidence.answer_set(evidence.by_effect(ranking.candidates, ranking.probabilities)))
+
+
+@pytest.mark.parametrize(
+    ("offset", "tolerant", "small"),
+    [
+        (0.034, True, {"servo_trim"}),
+        (-0.034, True, {"servo_trim"}),
+        (0.036, True, set()),
+        (0.034, False, set()),
+    ],
+)
+def test_a_trim_within_two_degrees_is_a_small_error(offset: float, tolerant: bool, small: set[str]) -> None:
+    """A payload never is: no tolerance allows one."""
+    trial_set = SimpleNamespace(problem=SimpleNamespace(file=SimpleNamespace(tolerances=Tolerances())))
+    judgement: Any = SimpleNamespace(tolerant=tolerant, trial_set=trial_set)
+    hypotheses = [toy_hypothesis("servo_trim"), toy_hypothesis("payload_mass")]
+    candidate: Any = SimpleNamespace(hypotheses=hypotheses, at=(offset, 1e-6))
+    assert Judgement.small_errors(judgement, candidate) == small

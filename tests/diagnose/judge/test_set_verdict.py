@@ -1,7 +1,7 @@
 """Which effects of sets are causes."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -27,12 +27,15 @@ UNUSUAL = {"emf": 6.0}
 """Price of each unusual effect."""
 
 
-def judged(*sets: tuple[float, dict[str, float]], known: tuple[str, ...] = ()) -> tuple[Any, Any]:
-    """Sets, each with its probability and what its effects change."""
+def judged(
+    *sets: tuple[float, dict[str, float]], known: tuple[str, ...] = (), small: Set[str] = frozenset()
+) -> tuple[Any, Any]:
+    """Sets, each with its probability and what its effects change; some effects are small errors."""
     intervals = dict.fromkeys(known, (0.0, 1.0))
     judgement = SimpleNamespace(
         settings=SimpleNamespace(verdict=VerdictSettings(matters=2.0, hinted=0.5)),
         ranking=SimpleNamespace(probabilities=np.array([chance for chance, _ in sets])),
+        small_errors=lambda one: small & set(one.names),
     )
     return judgement, JudgedSets(
         None,  # type: ignore[arg-type]
@@ -61,6 +64,11 @@ def test_an_effect_that_changes_nearly_nothing_is_no_cause() -> None:
     assert dict(at_work(judgement, sets, 2.0)) == {"lag": 1.0, "gain": 0.1}
 
 
+def test_a_small_error_of_the_robot_is_no_cause() -> None:
+    sets = (0.9, {"lag": 40.0, "trim": 9.0}), (0.1, {"lag": 40.0})
+    assert dict(at_work(*judged(*sets, small={"trim"}), 2.0)) == {"lag": 1.0}
+
+
 def test_an_effect_that_other_evidence_shows_is_a_cause_whatever_it_changes() -> None:
     judgement, sets = judged((0.9, {"lag": 40.0, "jitter": 0.3}), (0.1, {"jitter": 0.2}), known=("jitter",))
     assert dict(at_work(judgement, sets, 2.0)) == {"lag": 0.9, "jitter": 1.0}
@@ -81,9 +89,11 @@ def test_an_unusual_effect_beside_all_causes_does_not_stand_for_one() -> None:
     assert stand_ins(judgement, sets, ["damping"], 2.0) == ()
 
 
-def with_trials(left: list[float], before: list[float], moved: float = 5.0) -> tuple[Any, Any]:
+def with_trials(
+    left: list[float], before: list[float], moved: float = 5.0, small: Set[str] = frozenset()
+) -> tuple[Any, Any]:
     """A set of one effect, and what it and the nominal robot leave of each trial."""
-    judgement, sets = judged((1.0, {"trim": moved}))
+    judgement, sets = judged((1.0, {"trim": moved}), small=small)
     first, none = candidate(["trim"]), candidate([])
     first.left, none.left = np.array(left), np.array(before)
     trials = [SimpleNamespace(aligned=SimpleNamespace(trial=SimpleNamespace(name=f"{i}"))) for i in range(3)]
@@ -100,6 +110,12 @@ def test_a_trial_that_nothing_fits_does_not_hide_what_explains_the_others() -> N
     assert misfit_trials(judgement, sets) == {"2": 26.0}
     found = conclude_sets(judgement, sets, 10)
     assert (found.kind, found.causes) == ("explained", ("trim",))
+
+
+@pytest.mark.parametrize(("left", "kind"), [([0.5, 0.4, 0.3], "no_gap"), ([0.5, 4.0, 9.0], "unexplained")])
+def test_a_gap_that_small_errors_explain_is_none(left: list[float], kind: str) -> None:
+    found = conclude_sets(*with_trials(left, [4.0, 3.0, 27.0], small={"trim"}), 10)
+    assert (found.kind, found.causes, found.ambiguous_with) == (kind, (), ())
 
 
 @pytest.mark.parametrize(
