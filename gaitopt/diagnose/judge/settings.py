@@ -66,10 +66,14 @@ class SmallErrorSettings:
             on a robot with few servos, so that each error is in the covariance.
         mass: relative standard deviation of each body's mass: a kitchen scale on parts of some grams.
         hinge: relative standard deviation of one hinge's stiffness about the others'.
+        almost_equal: number of robots that say how much a loss jumps by chance,
+        almost: and how far their start poses differ, in tolerances.
     """
 
     robots: int = 7
     tolerant: int = 56
+    almost_equal: int = 6
+    almost: float = 0.1
     mass: float = 0.02
     hinge: float = 0.05
 

@@ -53,6 +53,25 @@ def perturbed_robots(
     return robots
 
 
+def almost_equal_robots(simulator: Simulator, seed: int, count: int, share: float) -> list[Simulator]:
+    """Return robots that differ from one another by much less than any robot can be known.
+
+    Args:
+        simulator: the robot.
+        seed: seed of the draws.
+        count: number of robots; every second one has half the timestep.
+        share: how far their start poses differ, in tolerances.
+    """
+    size = share * simulator.problem.file.tolerances.start_pose_rad
+    seeds = generator(seed, Stream.ALMOST_EQUAL_ROBOTS).integers(2**31, size=count).tolist()
+    scenarios = tuple(Scenario(start_pose_rad=size, pose_seed=number) for number in seeds)
+    base = Simulator.build(simulator.problem, scenarios, simulator.fidelity)
+    halved = simulator.fidelity.scaled(0.5)
+    pairs = zip(base.scenarios, base.models, strict=True)
+    robots = [replace(base, scenarios=(scenario,), models=(model,)) for scenario, model in pairs]
+    return [robot.at(halved) if is_finer(index) else robot for index, robot in enumerate(robots)]
+
+
 def is_finer(index: int) -> bool:
     """Whether one of the robots that are made exactly has half the timestep."""
     return index % 2 == 1
