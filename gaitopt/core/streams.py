@@ -52,6 +52,7 @@ class Stream(IntEnum):
     CONFIRMATION_SCENARIOS = 71
     TAG_MOUNTING = 72  # with the stream of the robot's other errors and the number of the robot
     ALMOST_EQUAL_ROBOTS = 73
+    LUCK = 74
 
 
 BLIND_FLOOR_SEED = 12345

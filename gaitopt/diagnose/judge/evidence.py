@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.fit.settings import RESPONSE, ResponseSettings
@@ -75,6 +76,21 @@ def probabilities(weights: Array) -> Array:
     shares = np.exp(weights - weights.max())
     normal: Array = shares / shares.sum()
     return normal
+
+
+def averaged(weights: Array, luck: float, seed: int, settings: EvidenceSettings = EVIDENCE) -> Array:
+    """Return logarithms of weights whose probabilities are averaged over errors of all weights.
+
+    Args:
+        weights: logarithms of weights, shape (candidates,).
+        luck: standard deviation of their errors.
+        seed: seed of the errors.
+        settings: number of draws.
+    """
+    errors = generator(seed, Stream.LUCK).standard_normal((len(weights), settings.luck_draws))
+    drawn = weights[:, None] + luck * errors
+    logarithms: Array = logsumexp(drawn - logsumexp(drawn, axis=0), axis=1) - math.log(settings.luck_draws)
+    return logarithms
 
 
 def by_effect(candidates: Sequence[Candidate], chances: Array) -> dict[str, float]:

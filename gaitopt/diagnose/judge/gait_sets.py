@@ -31,9 +31,9 @@ from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.judge.candidates import Candidate, heldout
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.covariance import About, with_small_errors, with_tolerances
-from gaitopt.diagnose.judge.evidence import probabilities
+from gaitopt.diagnose.judge.evidence import averaged, probabilities
 from gaitopt.diagnose.judge.judgement import Judgement
-from gaitopt.diagnose.judge.jumps import loss_jumps
+from gaitopt.diagnose.judge.luck import luck
 from gaitopt.diagnose.judge.sets import JudgedSets, SetJudge
 from gaitopt.robot.signals import is_position
 
@@ -173,13 +173,14 @@ class GaitSets:
                 begin += best_sums(judgement.fits, judgement.nominal)
                 settings = replace(settings, begun=2 * settings.begun)
             judge, fits = self._run(judgement, hypotheses, settings, known, begin)
-        judged = _judged(judge, fits, known, apart, self._no_evidence(judgement, judge, fits[0]))
+        judged = _judged(judge, fits, known, apart, self._averaged(judgement, judge, fits[0]))
         return replace(judgement, sets=judged), judged
 
-    def _no_evidence(self, judgement: Judgement, judge: SetJudge, best: SetFit) -> Array:
-        """Return how much of the loss of each trial is no evidence: it jumps by chance, shape (trials,)."""
-        jumps = loss_jumps(judgement, judge.loss, best.point, self.context)
-        return self.context.settings.evidence.jump_share * jumps
+    def _averaged(self, judgement: Judgement, judge: SetJudge, best: SetFit) -> Callable[[Array], Array]:
+        """Return what averages the scores of sets over the luck of their fits."""
+        context = self.context
+        error = 0.5 * context.settings.evidence.luck * luck(judgement, judge.loss, best.point, context)
+        return lambda scores: averaged(scores, error, context.seed, context.settings.evidence)
 
     def _run(
         self,
@@ -266,7 +267,11 @@ def _unfitted(wide: Judgement, head: Fit) -> Fit:
 
 
 def _judged(
-    judge: SetJudge, fits: Sequence[SetFit], known: Simulated, apart: Apart, no_evidence: Array
+    judge: SetJudge,
+    fits: Sequence[SetFit],
+    known: Simulated,
+    apart: Apart,
+    average: Callable[[Array], Array],
 ) -> JudgedSets:
     """Return sets in order of their probability, by the loss of all trials and the price of each effect.
 
@@ -275,10 +280,10 @@ def _judged(
         fits: the sets, the best first.
         known: robots that were simulated.
         apart: tells how far two robots are apart.
-        no_evidence: how much of the loss of each trial is none, shape (trials,).
+        average: averages scores over the luck of the fits.
     """
     fits = [fit for fit in fits if not _idle(fit)]
-    scores = -0.5 * np.array([_minus_log(judge, fit, no_evidence) for fit in fits])
+    scores = average(-0.5 * np.array([_minus_log(judge, fit) for fit in fits]))
     order = np.argsort(-scores, kind="stable").tolist()
     none = max((float(scores[i]) for i in order if not fits[i].hypotheses), default=-math.inf)
     order = [i for i in order if fits[i].hypotheses]
@@ -330,15 +335,9 @@ def _candidate(judge: SetJudge, fit: SetFit, known: Simulated) -> Candidate:
     )
 
 
-def _minus_log(judge: SetJudge, fit: SetFit, no_evidence: Array) -> float:
-    """Return minus twice the logarithm of a set's posterior weight, up to a constant.
-
-    A trial counts less the more its loss jumps from one robot to an almost equal one.
-    """
-    losses = judge.loss.of_squares(judge.loss.squares(fit.robot.whitened))
-    uncounted = float(losses @ (no_evidence / (1.0 + no_evidence)))
-    shares = sum(h.log_target_share for h in fit.hypotheses)
-    return judge.fitter.score(fit) - uncounted - 2.0 * shares
+def _minus_log(judge: SetJudge, fit: SetFit) -> float:
+    """Return minus twice the logarithm of a set's posterior weight, up to a constant."""
+    return judge.fitter.score(fit) - 2.0 * sum(h.log_target_share for h in fit.hypotheses)
 
 
 def _moves(judge: SetJudge, fit: SetFit, apart: Apart) -> dict[str, float]:

@@ -66,7 +66,7 @@ class SmallErrorSettings:
             on a robot with few servos, so that each error is in the covariance.
         mass: relative standard deviation of each body's mass: a kitchen scale on parts of some grams.
         hinge: relative standard deviation of one hinge's stiffness about the others'.
-        almost_equal: number of robots that say how much a loss jumps by chance,
+        almost_equal: number of robots that say how much of a loss is luck,
         almost: and how far their start poses differ, in tolerances.
     """
 
@@ -89,6 +89,9 @@ class EvidenceSettings:
             trial: a fast gait, on which the loss jumps, then does not weaken the evidence of a slow one.
         prior_weight: weight of the prior of a fitted parameter: bounds and priors are guesses too.
         prior_freedom: degrees of freedom of the Student's t tails of the priors.
+        luck: errors of the scores of sets, in standard deviations of the losses of almost equal robots. A fit
+            is the luckiest of several such robots, and robots with other effects differ more.
+        luck_draws: draws of these errors.
         in_set: a candidate belongs to the answer if it is at least this probable, relative to the first.
         set_share: candidates are added to the answer until their probabilities sum to this.
         chance_draws: draws of the parametric bootstrap that gives the p-value.
@@ -97,6 +100,8 @@ class EvidenceSettings:
 
     temper: float = 3.0
     jump_share: float = 0.5
+    luck: float = 2.0
+    luck_draws: int = 4000
     prior_weight: float = 0.3
     prior_freedom: float = 3.0
     in_set: float = 0.05

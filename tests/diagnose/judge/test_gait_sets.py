@@ -136,7 +136,7 @@ def test_whole_trials_of_a_robot_that_is_a_little_wrong_are_searched_from_their_
     monkeypatch.setattr(module, "_beginnings", lambda *_: [["found"]] * 4)
     monkeypatch.setattr(module, "best_sums", lambda *_: [["a sum"]])
     monkeypatch.setattr(module, "_judged", lambda *_: "judged")
-    monkeypatch.setattr(GaitSets, "_no_evidence", lambda *_: np.zeros(3))
+    monkeypatch.setattr(GaitSets, "_averaged", lambda *_: None)
     monkeypatch.setattr(module, "replace", lambda one, **_: one)
     told: list[Any] = []
 

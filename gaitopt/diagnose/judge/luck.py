@@ -1,16 +1,14 @@
-"""How much the loss of a set jumps by chance: in a fast gait, almost equal robots walk differently.
+"""How much the loss of a set is luck: in a fast gait, almost equal robots walk differently.
 
-A fit is one of these robots, and a search picks the luckiest of many. So what it gains in such a gait is
-weaker evidence than what it gains in a slow one.
+A fit is one of these robots. Another one would have left more or less of the trials, so scores that differ
+no more than theirs do tell little.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gaitopt.diagnose.fit.robust import RobustLoss
 from gaitopt.diagnose.fit.set_fit import Point
@@ -21,11 +19,9 @@ from gaitopt.diagnose.judge.perturbed import compared_about
 from gaitopt.diagnose.judge.small_errors import almost_equal_robots
 from gaitopt.simulation.rollout import Simulator
 
-Array = NDArray[np.float64]
 
-
-def loss_jumps(judgement: Judgement, loss: RobustLoss, point: Point, context: Context) -> Array:
-    """Return by how much the losses of almost equal robots differ by chance, shape (trials,).
+def luck(judgement: Judgement, loss: RobustLoss, point: Point, context: Context) -> float:
+    """Return the standard deviation of the loss of almost equal robots; 0 where they cannot be simulated.
 
     Args:
         judgement: the trials.
@@ -40,8 +36,4 @@ def loss_jumps(judgement: Judgement, loss: RobustLoss, point: Point, context: Co
 
     effects = robot_request(point).effects
     robots = compared_about(judgement.trial_set, effects, "almost equal or finer", draw, context).comparisons
-    if len(robots) < 2:
-        return np.zeros(judgement.trial_set.n_trials)
-    losses = np.array([loss.of_squares(loss.squares(one.whitened)) for one in robots])
-    jumps: Array = math.sqrt(2.0) * losses.std(axis=0, ddof=1)
-    return jumps
+    return float(np.std([loss.total(one.whitened) for one in robots], ddof=1)) if len(robots) > 1 else 0.0

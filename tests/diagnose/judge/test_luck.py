@@ -1,6 +1,5 @@
-"""How much the loss of a set jumps by chance, and how little such a trial then counts."""
+"""How much of the loss of a set is luck, and what that does to the probabilities of sets."""
 
-from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +10,8 @@ from toyfits import toy_comparison
 
 from gaitopt import Problem
 from gaitopt.diagnose.fit.robust import WideLoss
-from gaitopt.diagnose.judge.jumps import loss_jumps
+from gaitopt.diagnose.judge.evidence import averaged
+from gaitopt.diagnose.judge.luck import luck
 from gaitopt.diagnose.judge.settings import DEFAULT
 from gaitopt.diagnose.judge.small_errors import almost_equal_robots
 from gaitopt.simulation.rollout import Simulator
@@ -41,11 +41,9 @@ def test_almost_equal_robots_differ_in_their_start_pose_and_half_of_them_in_thei
     np.testing.assert_allclose(steps / simulator.fidelity.timestep_s, [1.0, 0.5, 1.0, 0.5])
 
 
-@pytest.mark.parametrize(
-    ("left", "jumps"), [([0.5, 0.9, 0.1], [0.0, 0.4 * 10.0 * 2**0.5]), ([0.5], [0.0, 0.0])]
-)
-def test_a_loss_jumps_as_far_as_those_of_two_almost_equal_robots_differ(
-    strider: Problem, left: list[float], jumps: list[float]
+@pytest.mark.parametrize(("left", "luck_of"), [([0.5, 0.9, 0.1], 0.4 * 10.0), ([0.5], 0.0)])
+def test_luck_is_how_much_the_losses_of_almost_equal_robots_differ(
+    strider: Problem, left: list[float], luck_of: float
 ) -> None:
     """The first robot is the one about which the others are drawn; one alone says nothing."""
     found = [toy_comparison([], whitened(0.7, one)) for one in (0.3, *left)]
@@ -53,27 +51,28 @@ def test_a_loss_jumps_as_far_as_those_of_two_almost_equal_robots_differ(
         settings=DEFAULT, seed=1, runner=SimpleNamespace(compare_robots=lambda trial_set, robots: found)
     )
     trial_set: Any = SimpleNamespace(
-        problem=strider, simulator=Simulator.build(strider), row_blocks=np.zeros(2 * EACH), n_trials=2
+        problem=strider, simulator=Simulator.build(strider), row_blocks=np.zeros(2 * EACH)
     )
     judgement: Any = SimpleNamespace(trial_set=trial_set)
-    np.testing.assert_allclose(loss_jumps(judgement, LOSS, [], context), jumps, atol=1e-12)
+    assert luck(judgement, LOSS, [], context) == pytest.approx(luck_of)
 
 
-@pytest.mark.parametrize(("no_evidence", "better"), [([0.0, 0.0], "lucky"), ([0.0, 4.0], "right")])
-def test_what_a_set_gains_where_almost_equal_robots_differ_is_weak_evidence(
-    no_evidence: list[float], better: str
-) -> None:
-    fits = {"lucky": whitened(0.9, 0.2), "right": whitened(0.7, 0.6)}
-    minus_log = import_module("gaitopt.diagnose.judge.gait_sets")._minus_log
-    judge: Any = SimpleNamespace(
-        loss=LOSS, fitter=SimpleNamespace(score=lambda fit: LOSS.total(fit.robot.whitened))
-    )
-    scores = {
-        name: minus_log(
-            judge,
-            SimpleNamespace(hypotheses=(), robot=SimpleNamespace(whitened=one)),
-            np.array(no_evidence),
-        )
-        for name, one in fits.items()
-    }
-    assert min(scores, key=lambda name: scores[name]) == better
+def test_scores_that_differ_less_than_luck_say_little() -> None:
+    """Of two sets that are 5 apart the second one is improbable without luck; with much of it, it is not."""
+    sure = np.exp(averaged(np.array([-40.0, -45.0, -90.0]), 0.0, 1))
+    np.testing.assert_allclose(sure, np.exp([0.0, -5.0, -50.0]) / (1.0 + np.exp(-5.0)), rtol=1e-12)
+    doubtful = np.exp(averaged(np.array([-40.0, -45.0, -90.0]), 8.0, 1))
+    assert doubtful.sum() == pytest.approx(1.0)
+    assert 0.25 < doubtful[1] < 0.4
+    assert doubtful[2] < 1e-3, "far more than luck"
+
+
+def test_luck_prefers_neither_small_sets_nor_large_ones() -> None:
+    both = np.exp(averaged(np.array([-40.0, -40.0]), 6.0, 3))
+    np.testing.assert_allclose(both, 0.5, atol=0.02)
+
+
+def test_luck_is_the_same_for_the_same_seed() -> None:
+    scores = np.array([-1.0, -3.0])
+    np.testing.assert_array_equal(averaged(scores, 2.0, 5), averaged(scores, 2.0, 5))
+    assert not np.array_equal(averaged(scores, 2.0, 5), averaged(scores, 2.0, 6))
