@@ -367,7 +367,7 @@ def _calibration(path: Path, record: Score) -> None:
     axes.set_xlabel("probability said of the first cause")
     axes.set_ylabel("how often it was right")
     axes.set_xlim(0.0, 1.05)
-    axes.set_ylim(0.0, 1.05)
+    axes.set_ylim(-0.08, 1.05)
     axes.legend(loc="lower right", frameon=False)
     figure.savefig(path, dpi=150)
     plt.close(figure)
