@@ -117,8 +117,6 @@ def _factors(tolerances: Tolerances, units: float) -> dict[str, float]:
         "servo_gain": factor(tolerances.servo_gain_each),
         "servo_damping": factor(tolerances.servo_damping_each),
         "hinge_stiffness": factor(tolerances.hinge_stiffness_each),
-        "camera_scale": factor(tolerances.camera_scale),
-        "clock_rate": factor(tolerances.clock_rate),
     }
 
 
@@ -127,8 +125,7 @@ def _offsets(tolerances: Tolerances) -> dict[str, float]:
     return {
         "servo_trim": math.radians(tolerances.servo_trim_deg),
         "ground_slope": math.radians(tolerances.slope_deg),
-        "camera_tilt": math.radians(tolerances.camera_tilt_deg),
-        "clock_offset": tolerances.clock_offset_s,
+        **_of_measurement(tolerances),
     }
 
 
@@ -188,13 +185,18 @@ def _tilt_gravity(parts: Parts, forward: float, left: float) -> None:
 
 def draw_measurement(tolerances: Tolerances, rng: np.random.Generator) -> tuple[ActiveEffect, ...]:
     """Return the errors of one camera and its clock as effects, each drawn uniformly by its tolerance."""
-    sizes = {
+    sizes = _of_measurement(tolerances)
+    drawn = rng.uniform(-WIDEST, WIDEST, len(sizes)).tolist()
+    pairs = zip(sizes.items(), drawn, strict=True)
+    middles = {"camera_scale": 1.0, "clock_rate": 1.0}
+    return tuple(ActiveEffect(EFFECTS[n], middles.get(n, 0.0) + size * unit) for (n, size), unit in pairs)
+
+
+def _of_measurement(tolerances: Tolerances) -> dict[str, float]:
+    """Return the standard deviation of each effect's parameter that a camera or its clock has."""
+    return {
         "camera_scale": tolerances.camera_scale,
         "camera_tilt": math.radians(tolerances.camera_tilt_deg),
         "clock_offset": tolerances.clock_offset_s,
         "clock_rate": tolerances.clock_rate,
     }
-    drawn = rng.uniform(-WIDEST, WIDEST, len(sizes)).tolist()
-    pairs = zip(sizes.items(), drawn, strict=True)
-    middles = {"camera_scale": 1.0, "clock_rate": 1.0}
-    return tuple(ActiveEffect(EFFECTS[n], middles.get(n, 0.0) + size * unit) for (n, size), unit in pairs)

@@ -38,18 +38,16 @@ def perturbed_robots(
     """
     rng = generator(seed, stream)
     size = simulator.problem.file.tolerances.start_pose_rad
-    seeds = rng.integers(2**31, size=count).tolist()
-    scenarios = tuple(Scenario(start_pose_rad=size, pose_seed=number) for number in seeds)
-    base = Simulator.build(simulator.problem, scenarios, simulator.fidelity)
+    posed = _posed(simulator, size, rng, count)
     halved = simulator.fidelity.scaled(0.5)
     robots = []
-    for index in range(count):
-        model = with_small_errors(base.models[index], simulator, rng, settings)
+    for index, robot in enumerate(posed):
+        model = with_small_errors(robot.models[0], simulator, rng, settings)
         misplace_tags(model, simulator.problem, generator(seed, Stream.TAG_MOUNTING, stream, index))
         if index % 3 == 1:
             swap_cone(model)
-        robot = replace(base, scenarios=(scenarios[index],), models=(model,))
-        robots.append(robot.at(halved if is_finer(index) else simulator.fidelity))
+        erring = replace(robot, models=(model,))
+        robots.append(erring.at(halved if is_finer(index) else simulator.fidelity))
     return robots
 
 
@@ -63,13 +61,18 @@ def almost_equal_robots(simulator: Simulator, seed: int, count: int, share: floa
         share: how far their start poses differ, in tolerances.
     """
     size = share * simulator.problem.file.tolerances.start_pose_rad
-    seeds = generator(seed, Stream.ALMOST_EQUAL_ROBOTS).integers(2**31, size=count).tolist()
+    robots = _posed(simulator, size, generator(seed, Stream.ALMOST_EQUAL_ROBOTS), count)
+    halved = simulator.fidelity.scaled(0.5)
+    return [robot.at(halved) if is_finer(index) else robot for index, robot in enumerate(robots)]
+
+
+def _posed(simulator: Simulator, size: float, rng: np.random.Generator, count: int) -> list[Simulator]:
+    """Return the robot with start poses that are wrong by so much, rad, each in a scenario of its own."""
+    seeds = rng.integers(2**31, size=count).tolist()
     scenarios = tuple(Scenario(start_pose_rad=size, pose_seed=number) for number in seeds)
     base = Simulator.build(simulator.problem, scenarios, simulator.fidelity)
-    halved = simulator.fidelity.scaled(0.5)
-    pairs = zip(base.scenarios, base.models, strict=True)
-    robots = [replace(base, scenarios=(scenario,), models=(model,)) for scenario, model in pairs]
-    return [robot.at(halved) if is_finer(index) else robot for index, robot in enumerate(robots)]
+    pairs = zip(scenarios, base.models, strict=True)
+    return [replace(base, scenarios=(scenario,), models=(model,)) for scenario, model in pairs]
 
 
 def is_finer(index: int) -> bool:
