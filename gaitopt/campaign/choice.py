@@ -14,6 +14,7 @@ from gaitopt.campaign.records import LEARN, WALK, Candidate, FilmRow, Speed, Ste
 from gaitopt.campaign.robots import Walked
 from gaitopt.campaign.settings import CampaignSettings
 from gaitopt.campaign.speeds import Measured
+from gaitopt.core.threads import on_one_thread
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.space import GaitSpace
 from gaitopt.optimise.solvers.surrogate import embedded
@@ -50,6 +51,7 @@ class Known:
     seed: int
 
 
+@on_one_thread
 def choose(known: Known, recordings: int, settings: CampaignSettings) -> Step:
     """Return the next film, the best gait, and what is still to gain.
 

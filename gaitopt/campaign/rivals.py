@@ -15,6 +15,7 @@ from gaitopt.campaign.gaussian_process import Conditioned
 from gaitopt.campaign.settings import BELIEF, BeliefSettings
 from gaitopt.campaign.speeds import filmed_drifts, filmed_speed
 from gaitopt.core.streams import Stream, generator
+from gaitopt.core.threads import on_one_thread
 from gaitopt.diagnose.record.trial import Trial
 from gaitopt.gait.gait import Gait
 from gaitopt.gait.space import GaitSpace
@@ -88,6 +89,7 @@ class TrialAndError:
 TRIAL_AND_ERROR = TrialAndError()
 
 
+@on_one_thread
 def bayesian_optimisation(
     space: GaitSpace,
     starts: Sequence[Gait],
@@ -183,6 +185,7 @@ def _expected(wanted: Array, at: Array, values: Array, least: float, noise: floa
     return mean, np.maximum(process.deviation, 1e-9)
 
 
+@on_one_thread
 def trial_and_error(
     space: GaitSpace,
     archive: Sequence[Tried],

@@ -12,6 +12,7 @@ import numpy as np
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import OnProgress, Progress, numbered, silent
+from gaitopt.core.threads import on_one_thread
 from gaitopt.diagnose.fit.cache import SimulationCache
 from gaitopt.diagnose.fit.hypotheses import Hypothesis, hypotheses
 from gaitopt.diagnose.fit.runner import Runner
@@ -284,6 +285,7 @@ class Diagnosis:
         }
 
 
+@on_one_thread
 def diagnose(
     simulator: Simulator,
     dataset: DataSet,
@@ -383,8 +385,7 @@ def locate(
     """
     cleaned = [clean(trial, settings.defects) for trial in dataset.trials]
     trials = [entry.trial for entry in cleaned]
-    predictions = predict(simulator, trials, executor)
-    pairs = zip(trials, predictions, strict=True)
+    pairs = zip(trials, predict(simulator, trials, executor), strict=True)
     aligned = [align(trial, simulated, settings.align) for trial, simulated in pairs]
     floors = measure_floors(simulator, aligned, executor, seed, settings.floor)
     parts = zip(cleaned, aligned, floors, strict=True)
@@ -392,8 +393,7 @@ def locate(
     gaps = [trial_gap(simulator.problem, *part, speeds, settings) for part in parts]
     odd = misfits(aligned, settings.align, settings.misfits)
     gaps = [gap.with_mismatches(odd.get(gap.name, ())) for gap in gaps]
-    name, source = simulator.problem.name, str(dataset.source)
-    return Diagnosis(name, source, seed, simulator.fidelity, tuple(gaps))
+    return Diagnosis(simulator.problem.name, str(dataset.source), seed, simulator.fidelity, tuple(gaps))
 
 
 def _mean(values: Sequence[float], weights: Sequence[int]) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.progress import OnProgress, Progress, silent
+from gaitopt.core.threads import on_one_thread
 from gaitopt.diagnose.record.defect import Defect, counted, spans_of
 from gaitopt.problem.problem import Problem
 from gaitopt.problem.tags import Tag
@@ -94,6 +95,7 @@ class Tracker:
         return Tracker(TaggedRobot.of(problem, on_robot, scale), sheet | loose, settings)
 
 
+@on_one_thread
 def track_film(
     film: Path,
     tracker: Tracker,

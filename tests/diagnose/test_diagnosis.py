@@ -1,11 +1,13 @@
 """Causes planted with other numerics are found with their parameters, and the same every time."""
 
+import importlib
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 from planting import dataset, recording_of, rollout
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import seeded
@@ -152,14 +154,31 @@ def test_late_commands_and_a_late_clock_are_one_answer(
 
 
 @pytest.mark.slow
-def test_the_same_bits_whatever_the_workers(simulator: Simulator, tmp_path: Path) -> None:
+def test_the_same_bits_whatever_the_workers_and_cores(simulator: Simulator, tmp_path: Path) -> None:
     planted = {"ground_slope": {"angle_rad": 0.06}}
     among = ("ground_slope", "camera_tilt")
-    one, other = (
-        diagnosed(simulator, tmp_path / str(n), planted, among, n, False, ("square-1s",)) for n in (1, 2)
-    )
-    one.pop("dataset"), other.pop("dataset")
-    assert one == other
+    found = []
+    for n in (1, 2):
+        with threadpool_limits(limits=n, user_api="blas"):  # as many as there are cores, by default
+            one = diagnosed(simulator, tmp_path / str(n), planted, among, n, False, ("square-1s",))
+        one.pop("dataset")
+        found.append(one)
+    assert found[0] == found[1]
+
+
+def test_its_linear_algebra_runs_on_one_thread(
+    simulator: Simulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: set[int] = set()
+
+    def look(*_: object) -> None:
+        seen.update(one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas")
+        raise GaitoptError("seen")
+
+    monkeypatch.setattr(importlib.import_module(diagnose.__module__), "locate", look)
+    with threadpool_limits(limits=2, user_api="blas"), pytest.raises(GaitoptError, match="seen"):
+        diagnosed(simulator, tmp_path, {})
+    assert seen == {1}
 
 
 def test_nothing_to_try_is_said(simulator: Simulator, tmp_path: Path) -> None:
