@@ -135,6 +135,11 @@ class Simulator:
         models = tuple(with_fidelity(model, fidelity) for model in self.models)
         return replace(self, fidelity=fidelity, models=models, _local=threading.local())
 
+    def split(self) -> list[Simulator]:
+        """Return the robot of each scenario, alone."""
+        pairs = zip(self.scenarios, self.models, strict=True)
+        return [replace(self, scenarios=(s,), models=(m,), _local=threading.local()) for s, m in pairs]
+
     def duration(self, drive: Drive) -> float:
         """Return how long a rollout lasts, s: as long as the drive, or transient and measured cycles."""
         if drive.duration_s is not None:

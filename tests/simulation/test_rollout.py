@@ -114,6 +114,16 @@ def test_rollouts_after_a_divergence_are_unaffected(strider: Problem, command: f
     assert same_bits(simulator.run(gait), expected)
 
 
+def test_the_robot_of_each_scenario_walks_alone_as_among_the_others(strider: Problem) -> None:
+    scenarios = draw_scenarios(strider, 3, (1,))
+    together, gait = Simulator.build(strider, scenarios), strider.baselines["square"]
+    for index, alone in enumerate(together.split()):
+        assert alone.scenarios == (scenarios[index],)
+        assert same_bits(alone.run(gait, duration=1.0), together.run(gait, index, duration=1.0))
+        built = Simulator.build(strider, (scenarios[index],))
+        assert same_bits(alone.run(gait, duration=1.0), built.run(gait, duration=1.0))
+
+
 def test_a_failed_scenario_fails_the_gait(strider: Problem) -> None:
     broken = strider.with_parameters(EXPLODING)
     with open_executor("serial") as executor:

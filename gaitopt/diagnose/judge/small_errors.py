@@ -69,10 +69,8 @@ def almost_equal_robots(simulator: Simulator, seed: int, count: int, share: floa
 def _posed(simulator: Simulator, size: float, rng: np.random.Generator, count: int) -> list[Simulator]:
     """Return the robot with start poses that are wrong by so much, rad, each in a scenario of its own."""
     seeds = rng.integers(2**31, size=count).tolist()
-    scenarios = tuple(Scenario(start_pose_rad=size, pose_seed=number) for number in seeds)
-    base = Simulator.build(simulator.problem, scenarios, simulator.fidelity)
-    pairs = zip(scenarios, base.models, strict=True)
-    return [replace(base, scenarios=(scenario,), models=(model,)) for scenario, model in pairs]
+    scenarios = [Scenario(start_pose_rad=size, pose_seed=number) for number in seeds]
+    return Simulator.build(simulator.problem, scenarios, simulator.fidelity).split()
 
 
 def is_finer(index: int) -> bool:
@@ -114,9 +112,10 @@ def tolerant_robots(simulator: Simulator, seed: int, count: int) -> list[Simulat
         count: number of robots; every fourth one has half the timestep, every third the other friction cone.
     """
     problem, halved = simulator.problem, simulator.fidelity.scaled(0.5)
+    drawn = [*_tolerances_drawn(simulator, seed, count)]
+    erring = Simulator.build(problem, [scenario for scenario, _ in drawn], simulator.fidelity).split()
     robots = []
-    for index, (scenario, measurement) in enumerate(_tolerances_drawn(simulator, seed, count)):
-        robot = Simulator.build(problem, (scenario,), simulator.fidelity)
+    for index, (robot, (_, measurement)) in enumerate(zip(erring, drawn, strict=True)):
         measured = (*robot.effects.active, *measurement)
         model = copy.copy(robot.models[0])
         misplace_tags(model, problem, generator(seed, Stream.TAG_MOUNTING, Stream.TOLERANT_ROBOTS, index))
