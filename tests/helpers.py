@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
+from threadpoolctl import threadpool_info
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.gait.gait import Channel, Gait
@@ -63,6 +64,11 @@ def still(problem: Problem, period_s: float = 0.5) -> Gait:
         },
         "still",
     )
+
+
+def blas_threads() -> set[int]:
+    """Return on how many threads linear algebra runs, each number once."""
+    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
 
 
 def same_bits(one: Trajectory, other: Trajectory) -> bool:

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from threadpoolctl import threadpool_info, threadpool_limits
+from helpers import blas_threads
+from threadpoolctl import threadpool_limits
 
 from gaitopt.core.threads import on_one_thread
-
-
-def blas_threads() -> set[int]:
-    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
 
 
 def factor() -> bytes:

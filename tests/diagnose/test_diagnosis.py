@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers import blas_threads
 from planting import dataset, recording_of, rollout
-from threadpoolctl import threadpool_info, threadpool_limits
+from threadpoolctl import threadpool_limits
 
 from gaitopt.core.errors import GaitoptError
 from gaitopt.core.streams import seeded
@@ -172,7 +173,7 @@ def test_its_linear_algebra_runs_on_one_thread(
     seen: set[int] = set()
 
     def look(*_: object) -> None:
-        seen.update(one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas")
+        seen.update(blas_threads())
         raise GaitoptError("seen")
 
     monkeypatch.setattr(importlib.import_module(diagnose.__module__), "locate", look)
