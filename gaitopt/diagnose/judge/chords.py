@@ -1,19 +1,21 @@
-"""Slopes of a set of effects over so wide a chord that jumps of the response hardly count.
+"""Slopes of effects over so wide a chord that jumps of the response hardly count.
 
-Where servos stick and slip, the response jumps a little from each value of a parameter to the next. Between
-near values such jumps count as slope, and the parameter then seems to be known far better than it is. So each
-parameter goes aside to both sides until the loss rises clearly. What the loss rises more than these slopes
-predict is its roughness.
+Where servos stick and slip, or a foot slips in another step, the response jumps a little from each value of a
+parameter to the next. Between near values such jumps count as slope, and the parameter then seems to be known
+far better than it is. So each parameter goes aside to both sides until the loss rises clearly. What the loss
+rises more than these slopes predict is its roughness.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitopt.core.firsts import firsts
 from gaitopt.diagnose.fit.set_fit import SetFit, SetFitter
 from gaitopt.diagnose.fit.single import robot_request
 
@@ -22,41 +24,79 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class WideChords:
-    """A set with slopes over wide chords.
+    """Slopes of effects over wide chords.
 
     Attributes:
-        fit: the set.
-        roughness: how much more the loss rises aside of the set than the slopes predict, in the mean; at
+        slopes: change of the whitened residual with the coordinate of each effect, by its name with its
+            target, in ranges, shape (rows,).
+        roughness: how much more the loss rises aside of the sets than the slopes predict, in the mean; at
             least 0.
     """
 
-    fit: SetFit
+    slopes: Mapping[str, Array]
     roughness: float
 
     @staticmethod
-    def of(fitter: SetFitter, fit: SetFit) -> WideChords:
-        """Return a set with slopes over wide chords; those of an effect that jumps are kept.
+    def of(fitter: SetFitter, fits: Sequence[SetFit]) -> WideChords:
+        """Return slopes over wide chords, of each effect in the first set that has it.
 
-        A chord is wide enough where a wider one has the same slope, or the loss rises clearly.
+        A chord is wide enough where a wider one has the same slope, or the loss rises clearly. An effect that
+        jumps has none.
+
+        Args:
+            fitter: the fitter of the sets.
+            fits: the sets.
         """
-        settings, wide, ends = fitter.settings, fit, list[_End]()
-        least = fitter.loss.total(fit.robot.whitened)
-        errors = 1.0 / np.sqrt(np.maximum(np.diag(fitter.curvature(fit)), 1.0))  # the others stay
-        narrow = [i for i, h in enumerate(fit.hypotheses) if not h.effect.jumps]
+        settings, ends = fitter.settings, list[_End]()
+        every = [_Parameter(fit, index) for fit in fits for index in range(len(fit.hypotheses))]
+        narrow = [one for one in firsts(every, lambda one: one.name) if not one.jumps]
+        errors = {one: _standard_error(fitter, one) for one in narrow}
+        slopes: dict[str, Array] = {}
         for factor in settings.chord_errors:
-            for chord in _chords(fitter, fit, narrow, factor * errors):
-                rise = float(np.mean([end.loss for end in chord])) - least
-                index = chord[0].index
+            chords = _chords(fitter, [(one, factor * errors[one]) for one in narrow])
+            for parameter, chord in chords:
+                rise = float(np.mean([end.rise for end in chord]))
                 if rise > settings.chord_rise and factor > settings.chord_errors[0]:
-                    narrow.remove(index)
+                    narrow.remove(parameter)
                     continue
-                slopes, ends = wide.slopes.copy(), [*ends, *chord]
-                slopes[:, index] = (chord[1].whitened - chord[0].whitened) / (chord[1].step - chord[0].step)
-                apart = np.linalg.norm(slopes[:, index] - wide.slopes[:, index])
-                if apart < settings.same_slope * np.linalg.norm(slopes[:, index]):
-                    narrow.remove(index)
-                wide = replace(wide, slopes=slopes)
-        return WideChords(wide, max(0.0, _excess(fitter, wide, ends)))
+                below, above = chord
+                slope = (above.whitened - below.whitened) / (above.step - below.step)
+                before = slopes.get(parameter.name, parameter.slope)
+                slopes[parameter.name], ends = slope, [*ends, *chord]
+                if np.linalg.norm(slope - before) < settings.same_slope * np.linalg.norm(slope):
+                    narrow.remove(parameter)
+        return WideChords(slopes, max(0.0, _excess(fitter, slopes, ends)))
+
+    def of_set(self, fit: SetFit) -> SetFit:
+        """Return a set with these slopes; those of effects without a wide chord are its own."""
+        columns = [self.slopes.get(h.name, fit.slopes[:, i]) for i, h in enumerate(fit.hypotheses)]
+        return replace(fit, slopes=np.column_stack(columns)) if columns else fit
+
+
+@dataclass(frozen=True, eq=False)
+class _Parameter:
+    """A parameter of a set.
+
+    Attributes:
+        fit: the set.
+        index: which of its parameters.
+    """
+
+    fit: SetFit
+    index: int
+
+    @property
+    def name(self) -> str:
+        return self.fit.hypotheses[self.index].name
+
+    @property
+    def jumps(self) -> bool:
+        return self.fit.hypotheses[self.index].effect.jumps
+
+    @property
+    def slope(self) -> Array:
+        column: Array = self.fit.slopes[:, self.index]
+        return column
 
 
 @dataclass(frozen=True)
@@ -64,39 +104,57 @@ class _End:
     """An end of a chord.
 
     Attributes:
-        index: the parameter.
-        step: how far it went aside, in its range.
+        parameter: the parameter that went aside.
+        step: how far, in its range.
         whitened: whitened residual there, shape (rows,).
-        loss: loss there.
+        loss: loss there,
+        rise: and how much more it is than that of the set.
     """
 
-    index: int
+    parameter: _Parameter
     step: float
     whitened: Array
     loss: float
+    rise: float
+
+
+def _standard_error(fitter: SetFitter, parameter: _Parameter) -> float:
+    """Return the standard error of a parameter by the slopes of its set, in ranges, if the others stay."""
+    curvature = float(fitter.curvature(parameter.fit)[parameter.index, parameter.index])
+    return 1.0 / math.sqrt(max(curvature, 1.0))
 
 
 def _chords(
-    fitter: SetFitter, fit: SetFit, parameters: Sequence[int], widths: Array
-) -> list[tuple[_End, _End]]:
+    fitter: SetFitter, widths: Sequence[tuple[_Parameter, float]]
+) -> list[tuple[_Parameter, tuple[_End, _End]]]:
     """Return the chord of each parameter, so wide to both sides; those that can be simulated."""
-    low, high = fit.limits
     ends = []
-    for index in parameters:
-        aside = np.clip(fit.shares[index] + widths[index] * np.array([-1.0, 1.0]), low[index], high[index])
-        ends += [(index, float(end - fit.shares[index])) for end in aside]
-    steps = [step * np.eye(len(fit.hypotheses))[index] for index, step in ends]
-    robots = fitter.simulate([robot_request(fitter.stepped(fit, step).point) for step in steps])
-    found = [
-        None if robot is None else _End(index, step, robot.whitened, fitter.loss.total(robot.whitened))
-        for (index, step), robot in zip(ends, robots, strict=True)
-    ]
+    for parameter, width in widths:
+        fit, index = parameter.fit, parameter.index
+        low, high = (float(limit[index]) for limit in fit.limits)
+        share = float(fit.shares[index])
+        ends += [(parameter, min(max(share + side * width, low), high) - share) for side in (-1.0, 1.0)]
+    robots = fitter.simulate([robot_request(_aside(fitter, *end).point) for end in ends])
+    found: list[_End | None] = []
+    for (parameter, step), robot in zip(ends, robots, strict=True):
+        if robot is None:
+            found.append(None)
+            continue
+        loss, least = (fitter.loss.total(one.whitened) for one in (robot, parameter.fit.robot))
+        found.append(_End(parameter, step, robot.whitened, loss, loss - least))
     pairs = zip(found[::2], found[1::2], strict=True)
-    return [(one, two) for one, two in pairs if one and two and two.step > one.step]
+    return [(one.parameter, (one, two)) for one, two in pairs if one and two and two.step > one.step]
 
 
-def _excess(fitter: SetFitter, fit: SetFit, ends: Sequence[_End]) -> float:
-    """Return how much more the loss is at some ends than the slopes of a set predict, in the mean."""
-    predicted = [fit.robot.whitened + fit.slopes[:, end.index] * end.step for end in ends]
-    excess = [end.loss - fitter.loss.total(rows) for end, rows in zip(ends, predicted, strict=True)]
+def _aside(fitter: SetFitter, parameter: _Parameter, step: float) -> SetFit:
+    """Return the set of a parameter with that parameter aside."""
+    return fitter.stepped(parameter.fit, step * np.eye(len(parameter.fit.hypotheses))[parameter.index])
+
+
+def _excess(fitter: SetFitter, slopes: Mapping[str, Array], ends: Sequence[_End]) -> float:
+    """Return how much more the loss is at some ends than slopes predict, in the mean."""
+    excess = []
+    for end in ends:
+        predicted = end.parameter.fit.robot.whitened + slopes[end.parameter.name] * end.step
+        excess.append(end.loss - fitter.loss.total(predicted))
     return float(np.mean(excess)) if excess else 0.0

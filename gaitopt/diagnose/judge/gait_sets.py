@@ -29,6 +29,7 @@ from gaitopt.diagnose.fit.sums import best_sums
 from gaitopt.diagnose.fit.trials import Comparison, Indices, TrialSet
 from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.judge.candidates import Candidate, heldout
+from gaitopt.diagnose.judge.chords import WideChords
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.covariance import About, with_small_errors, with_tolerances
 from gaitopt.diagnose.judge.evidence import averaged, probabilities
@@ -292,8 +293,9 @@ def _judged(
     changes = [_moves(judge, fit, apart) for fit in chosen[:probable]]
     changes += [dict.fromkeys((h.name for h in fit.hypotheses), 0.0) for fit in chosen[probable:]]
     candidates = tuple(_candidate(judge, fit, known) for fit in chosen)
+    wide = WideChords.of(judge.fitter, chosen[:probable]) if chosen else None
     still = np.zeros(len(judge.loss.row_trials))
-    return JudgedSets(judge, candidates, weights, none, tuple(changes), still)
+    return JudgedSets(judge, candidates, weights, none, tuple(changes), still, wide=wide)
 
 
 def _idle(fit: SetFit) -> bool:

@@ -244,8 +244,7 @@ class JudgedSets:
         timestep: what a finer timestep changes of the whitened residual of the first set, shape (rows,).
         known: intervals of the effects that are at work as other evidence says: they are in every set.
         shifts: by how much the parameter of another effect may be less or more than its fit says.
-        wide: the first set with slopes over wide chords, and how rough its loss is; None where they were not
-            measured: under gaits, and without a set.
+        wide: slopes over wide chords, and how rough the loss is; None without a set.
     """
 
     judge: SetJudge
@@ -283,7 +282,7 @@ class JudgedSets:
         timestep = judge.timestep_change(fits[0])
         changes = judge.simulated_changes(fits[:probable], timestep)
         changes += [judge.changes(fit) for fit in fits[probable:]]
-        wide = WideChords.of(judge.fitter, fits[0])
+        wide = WideChords.of(judge.fitter, fits[:1])
         return JudgedSets(judge, candidates, scores, none, tuple(changes), timestep, known, shifts, wide)
 
     @property
@@ -322,17 +321,17 @@ class JudgedSets:
 
         It is the sum of three: that of the fit, and those of the shifts of the fit with perturbed robots and
         with a finer timestep. That of the fit is the larger one of what the curvature of the loss and what
-        the scatter of the trials' gradients say. Where servos stick and slip, the loss has many valleys, and
-        a fit ends in any whose depths differ by no more than the loss is rough: r standard errors away the
-        loss rises by r squared.
+        the scatter of the trials' gradients say. Where servos or feet stick and slip, the loss has many
+        valleys, and a fit ends in any whose depths differ by no more than the loss is rough: r standard
+        errors away the loss rises by r squared.
 
         Args:
             fit: the set.
             changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
         """
-        loss, rough = self.judge.loss, 1.0 if self.wide is None else 1.0 + self.wide.roughness
-        if self.wide is not None and fit.names == self.wide.fit.names:
-            fit = self.wide.fit
+        loss, rough = self.judge.loss, 1.0
+        if self.wide is not None:
+            fit, rough = self.wide.of_set(fit), 1.0 + self.wide.roughness
         weights = loss.trial_weights(loss.squares(fit.robot.whitened))
         weighted = weights[loss.row_trials][:, None] * fit.slopes
         inverse = np.linalg.pinv(self.judge.fitter.curvature(fit))

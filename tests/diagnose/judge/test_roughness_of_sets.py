@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from toysets import Response, ToyBench, curved
 
+from gaitopt.diagnose.fit.set_fit import SetFit
 from gaitopt.diagnose.fit.settings import SETS
 from gaitopt.diagnose.judge.chords import WideChords
 from gaitopt.diagnose.judge.sets import JudgedSets, SetJudge
@@ -40,7 +41,7 @@ def judged(seed: int, jump: float) -> JudgedSets:
     fitter, fit = toy.fitter(), toy.search().run()[0]
     judge = SetJudge(unused, fitter.loss, fitter, SETS, unused)
     candidate: Any = SimpleNamespace(hypotheses=fit.hypotheses, together=fit)
-    wide = WideChords.of(fitter, fit)
+    wide = WideChords.of(fitter, [fit])
     return JudgedSets(judge, (candidate,), np.zeros(1), 0.0, (), np.zeros(ROWS), wide=wide)
 
 
@@ -64,6 +65,41 @@ def test_a_smooth_response_is_not_rough() -> None:
     low, high = sets.intervals(sets.candidates[0], np.zeros((1, ROWS)))[0]
     below, above = replace(sets, wide=None).intervals(sets.candidates[0], np.zeros((1, ROWS)))[0]
     assert high - low == pytest.approx(above - below, rel=0.1)
+
+
+def two_effects(seed: int) -> tuple[ToyBench, list[SetFit]]:
+    """Two effects whose responses jump, and their sets: the second alone, and both."""
+    rng = np.random.default_rng(seed)
+    smooth = [curved(rng, ROWS, 20.0) for _ in range(2)]
+    measured = smooth[0](TRUE) + smooth[1](TRUE) + rng.standard_normal(ROWS)
+    toy = ToyBench(
+        {"one": jumping(smooth[0], 1.0, 2e-4), "other": jumping(smooth[1], 1.0, 2e-4)}, measured, TRIALS
+    )
+    fitter, (one, other) = toy.fitter(), toy.hypotheses
+    near = [[(other, TRUE)], [(one, TRUE), (other, TRUE)]]
+    return toy, fitter.measure_slopes(fitter.placed(near))
+
+
+def test_an_effect_goes_aside_in_the_first_set_that_has_it() -> None:
+    toy, (alone, both) = two_effects(0)
+    wide = WideChords.of(toy.fitter(), [alone, both])
+    assert {*wide.slopes} == {"one", "other"}
+    np.testing.assert_array_equal(wide.slopes["other"], WideChords.of(toy.fitter(), [alone]).slopes["other"])
+    columns = wide.of_set(both).slopes
+    np.testing.assert_array_equal(columns, np.column_stack([wide.slopes["one"], wide.slopes["other"]]))
+
+
+def test_a_set_that_did_not_go_aside_borrows_wide_slopes_of_others() -> None:
+    toy, (alone, both) = two_effects(0)
+    fitter, unused = toy.fitter(), np.zeros((1, ROWS))
+    narrow = replace(both, slopes=both.slopes * [1.0, 50.0])  # as jumps between near values have it
+    candidate: Any = SimpleNamespace(hypotheses=narrow.hypotheses, together=narrow)
+    judge = SetJudge(None, fitter.loss, fitter, SETS, None)  # type: ignore[arg-type]
+    sets = JudgedSets(judge, (candidate,), np.zeros(1), 0.0, (), np.zeros(ROWS))
+    (_, (low, high)) = sets.intervals(candidate, unused)
+    (_, (below, above)) = replace(sets, wide=WideChords.of(fitter, [alone])).intervals(candidate, unused)
+    assert above - below > 20.0 * (high - low)
+    assert below <= TRUE <= above
 
 
 def test_a_cause_that_other_evidence_can_replace_is_doubtful() -> None:
