@@ -233,7 +233,8 @@ def _concluded_sets(
     any_effect = bool(judged.candidates)
     first = judgement.first if any_effect else judgement.none
     robots = perturbed_about(judgement.trial_set, first, context)
-    doubtful = judged.doubtful(robots.changes) if any_effect else ()
+    # Scores over the luck of almost equal robots say which effects of gaits are at work.
+    doubtful = judged.doubtful(robots.changes) if any_effect and gap.has_logs else ()
     meter = judgement.meter(context.seed)
     marker, angles = _gaps(judgement, gap, meter) if any_effect else (None, None)
     closes = gap.has_logs and angles is not None and angles.closed
