@@ -53,16 +53,14 @@ class WideChords:
         errors = {one: _standard_error(fitter, one) for one in narrow}
         slopes: dict[str, Array] = {}
         for factor in settings.chord_errors:
-            chords = _chords(fitter, [(one, factor * errors[one]) for one in narrow])
-            for parameter, chord in chords:
-                rise = float(np.mean([end.rise for end in chord]))
+            for below, above in _chords(fitter, [(one, factor * errors[one]) for one in narrow]):
+                parameter, rise = below.parameter, 0.5 * (below.rise + above.rise)
                 if rise > settings.chord_rise and factor > settings.chord_errors[0]:
                     narrow.remove(parameter)
                     continue
-                below, above = chord
                 slope = (above.whitened - below.whitened) / (above.step - below.step)
                 before = slopes.get(parameter.name, parameter.slope)
-                slopes[parameter.name], ends = slope, [*ends, *chord]
+                slopes[parameter.name], ends = slope, [*ends, below, above]
                 if np.linalg.norm(slope - before) < settings.same_slope * np.linalg.norm(slope):
                     narrow.remove(parameter)
         return WideChords(slopes, max(0.0, _excess(fitter, slopes, ends)))
@@ -124,9 +122,7 @@ def _standard_error(fitter: SetFitter, parameter: _Parameter) -> float:
     return 1.0 / math.sqrt(max(curvature, 1.0))
 
 
-def _chords(
-    fitter: SetFitter, widths: Sequence[tuple[_Parameter, float]]
-) -> list[tuple[_Parameter, tuple[_End, _End]]]:
+def _chords(fitter: SetFitter, widths: Sequence[tuple[_Parameter, float]]) -> list[tuple[_End, _End]]:
     """Return the chord of each parameter, so wide to both sides; those that can be simulated."""
     ends = []
     for parameter, width in widths:
@@ -143,7 +139,7 @@ def _chords(
         loss, least = (fitter.loss.total(one.whitened) for one in (robot, parameter.fit.robot))
         found.append(_End(parameter, step, robot.whitened, loss, loss - least))
     pairs = zip(found[::2], found[1::2], strict=True)
-    return [(one.parameter, (one, two)) for one, two in pairs if one and two and two.step > one.step]
+    return [(one, two) for one, two in pairs if one and two and two.step > one.step]
 
 
 def _aside(fitter: SetFitter, parameter: _Parameter, step: float) -> SetFit:
