@@ -76,9 +76,13 @@ class RobustLoss:
         least: Array = losses[int(np.argmin(losses.sum(axis=1)))]
         return least
 
+    def of_each(self, whitened: Array) -> Array:
+        """Return the loss of each trial, shape (trials,)."""
+        return self.of_squares(self.squares(whitened))
+
     def total(self, whitened: Array) -> float:
         """Return the loss of all trials, minus twice a logarithm of a likelihood."""
-        return float(self.of_squares(self.squares(whitened)).sum())
+        return float(self.of_each(whitened).sum())
 
     def totals(self, whitened: Array) -> Array:
         """Return the loss of all trials for each of many residuals, shape (residuals,).

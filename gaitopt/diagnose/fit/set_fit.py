@@ -206,11 +206,16 @@ class SetFitter:
         squares = self.rows.by_trial(fit.products.squares(step))
         return step, float(self.loss.of_squares(squares).sum()) + self._prior(fit, fit.shares + step)
 
-    def curvature(self, fit: SetFit) -> Array:
-        """Return half the second derivatives of the loss of a set, per squares of ranges, shape (k, k)."""
-        weights = self.loss.trial_weights(self.loss.squares(fit.robot.whitened))[self.loss.row_trials]
+    def curvature(self, fit: SetFit, weights: Array) -> Array:
+        """Return half the second derivatives of the loss of a set, per squares of ranges, shape (k, k).
+
+        Args:
+            fit: the set.
+            weights: of each trial, shape (trials,).
+        """
         _, prior = self.prior_rows(fit)
-        curvature: Array = fit.slopes.T @ (weights[:, None] * fit.slopes) + np.diag(prior**2)
+        weighted = weights[self.loss.row_trials][:, None] * fit.slopes
+        curvature: Array = fit.slopes.T @ weighted + np.diag(prior**2)
         return curvature
 
     def expected_score(self, fit: SetFit) -> float:

@@ -3,7 +3,7 @@
 Where servos stick and slip, or a foot slips in another step, the response jumps a little from each value of a
 parameter to the next. Between near values such jumps count as slope, and the parameter then seems to be known
 far better than it is. So each parameter goes aside to both sides until the loss rises clearly. What the loss
-rises more than these slopes predict is its roughness.
+of a trial rises more than these slopes predict is its roughness.
 """
 
 from __future__ import annotations
@@ -29,12 +29,26 @@ class WideChords:
     Attributes:
         slopes: change of the whitened residual with the coordinate of each effect, by its name with its
             target, in ranges, shape (rows,).
-        roughness: how much more the loss rises aside of the sets than the slopes predict, in the mean; at
-            least 0.
+        excess: how much more the loss of each trial rises aside of the sets than the slopes predict, in the
+            mean, shape (trials,).
     """
 
     slopes: Mapping[str, Array]
-    roughness: float
+    excess: Array
+
+    @property
+    def roughness(self) -> Array:
+        """Roughness of the loss of each trial, shape (trials,)."""
+        found: Array = np.maximum(0.0, self.excess)
+        return found
+
+    def together(self) -> WideChords:
+        """Return the same with each trial as rough as all are together: where trials are many and alike.
+
+        Of few gaits the fast ones are rough and the slow ones are not. How rough all are together would then
+        say little of what the slow ones tell.
+        """
+        return replace(self, excess=np.full_like(self.excess, self.excess.sum()))
 
     @staticmethod
     def of(fitter: SetFitter, fits: Sequence[SetFit]) -> WideChords:
@@ -63,7 +77,7 @@ class WideChords:
                 slopes[parameter.name], ends = slope, [*ends, below, above]
                 if np.linalg.norm(slope - before) < settings.same_slope * np.linalg.norm(slope):
                     narrow.remove(parameter)
-        return WideChords(slopes, max(0.0, _excess(fitter, slopes, ends)))
+        return WideChords(slopes, _excess(fitter, slopes, ends))
 
     def of_set(self, fit: SetFit) -> SetFit:
         """Return a set with these slopes; those of effects without a wide chord are its own."""
@@ -105,21 +119,22 @@ class _End:
         parameter: the parameter that went aside.
         step: how far, in its range.
         whitened: whitened residual there, shape (rows,).
-        loss: loss there,
-        rise: and how much more it is than that of the set.
+        losses: loss of each trial there, shape (trials,).
+        rise: how much more they are in all than those of the set.
     """
 
     parameter: _Parameter
     step: float
     whitened: Array
-    loss: float
+    losses: Array
     rise: float
 
 
 def _standard_error(fitter: SetFitter, parameter: _Parameter) -> float:
     """Return the standard error of a parameter by the slopes of its set, in ranges, if the others stay."""
-    curvature = float(fitter.curvature(parameter.fit)[parameter.index, parameter.index])
-    return 1.0 / math.sqrt(max(curvature, 1.0))
+    fit, index, loss = parameter.fit, parameter.index, fitter.loss
+    weights = loss.trial_weights(loss.squares(fit.robot.whitened))
+    return 1.0 / math.sqrt(max(float(fitter.curvature(fit, weights)[index, index]), 1.0))
 
 
 def _chords(fitter: SetFitter, widths: Sequence[tuple[_Parameter, float]]) -> list[tuple[_End, _End]]:
@@ -136,8 +151,8 @@ def _chords(fitter: SetFitter, widths: Sequence[tuple[_Parameter, float]]) -> li
         if robot is None:
             found.append(None)
             continue
-        loss, least = (fitter.loss.total(one.whitened) for one in (robot, parameter.fit.robot))
-        found.append(_End(parameter, step, robot.whitened, loss, loss - least))
+        losses, least = (fitter.loss.of_each(one.whitened) for one in (robot, parameter.fit.robot))
+        found.append(_End(parameter, step, robot.whitened, losses, float(np.sum(losses - least))))
     pairs = zip(found[::2], found[1::2], strict=True)
     return [(one, two) for one, two in pairs if one and two and two.step > one.step]
 
@@ -147,10 +162,11 @@ def _aside(fitter: SetFitter, parameter: _Parameter, step: float) -> SetFit:
     return fitter.stepped(parameter.fit, step * np.eye(len(parameter.fit.hypotheses))[parameter.index])
 
 
-def _excess(fitter: SetFitter, slopes: Mapping[str, Array], ends: Sequence[_End]) -> float:
-    """Return how much more the loss is at some ends than slopes predict, in the mean."""
-    excess = []
+def _excess(fitter: SetFitter, slopes: Mapping[str, Array], ends: Sequence[_End]) -> Array:
+    """Return how much more the loss of each trial is at some ends than slopes predict, shape (trials,)."""
+    excess = [np.zeros(len(fitter.loss.rows))]
     for end in ends:
         predicted = end.parameter.fit.robot.whitened + slopes[end.parameter.name] * end.step
-        excess.append(end.loss - fitter.loss.total(predicted))
-    return float(np.mean(excess)) if excess else 0.0
+        excess.append(end.losses - fitter.loss.of_each(predicted))
+    mean: Array = np.sum(excess, axis=0) / max(1, len(ends))
+    return mean

@@ -244,7 +244,7 @@ class JudgedSets:
         timestep: what a finer timestep changes of the whitened residual of the first set, shape (rows,).
         known: intervals of the effects that are at work as other evidence says: they are in every set.
         shifts: by how much the parameter of another effect may be less or more than its fit says.
-        wide: slopes over wide chords, and how rough the loss is; None without a set.
+        wide: slopes over wide chords, and how rough the loss of each trial is; None without a set.
     """
 
     judge: SetJudge
@@ -282,7 +282,7 @@ class JudgedSets:
         timestep = judge.timestep_change(fits[0])
         changes = judge.simulated_changes(fits[:probable], timestep)
         changes += [judge.changes(fit) for fit in fits[probable:]]
-        wide = WideChords.of(judge.fitter, fits[:1])
+        wide = WideChords.of(judge.fitter, fits[:1]).together()
         return JudgedSets(judge, candidates, scores, none, tuple(changes), timestep, known, shifts, wide)
 
     @property
@@ -323,27 +323,38 @@ class JudgedSets:
         with a finer timestep. That of the fit is the larger one of what the curvature of the loss and what
         the scatter of the trials' gradients say. Where servos or feet stick and slip, the loss has many
         valleys, and a fit ends in any whose depths differ by no more than the loss is rough: r standard
-        errors away the loss rises by r squared.
+        errors away the loss rises by r squared. So a rough trial tells less.
 
         Args:
             fit: the set.
             changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
         """
-        loss, rough = self.judge.loss, 1.0
-        if self.wide is not None:
-            fit, rough = self.wide.of_set(fit), 1.0 + self.wide.roughness
+        loss, fitter = self.judge.loss, self.judge.fitter
         weights = loss.trial_weights(loss.squares(fit.robot.whitened))
-        weighted = weights[loss.row_trials][:, None] * fit.slopes
-        inverse = np.linalg.pinv(self.judge.fitter.curvature(fit))
+        told = weights
+        if self.wide is not None:
+            fit, told = self.wide.of_set(fit), weights / (1.0 + self.wide.roughness)
+        inverse = np.linalg.pinv(fitter.curvature(fit, told))
+        alike = changes / math.sqrt(max(1, len(changes)))
+        shifts = np.vstack([*alike, self.timestep]) @ (told[loss.row_trials][:, None] * fit.slopes) @ inverse
+        grown = self._grown(fit, weights)
+        spread: Array = inverse * np.outer(grown, grown) + shifts.T @ shifts
+        return spread
+
+    def _grown(self, fit: SetFit, weights: Array) -> Array:
+        """Return how much more the fit scatters than its curvature says, at least 1, shape (k,).
+
+        Args:
+            fit: the set.
+            weights: of each trial, shape (trials,).
+        """
+        inverse = np.linalg.pinv(self.judge.fitter.curvature(fit, weights))
         gradients = weights[:, None] * fit.rows.by_trial(fit.products.mixed)
-        count, k = len(loss.rows), len(fit.hypotheses)
+        count, k = len(weights), len(fit.hypotheses)
         scatter = gradients.T @ gradients * count / max(1, count - k)
         sandwich = inverse @ scatter @ inverse
-        grown = np.sqrt(np.maximum(1.0, np.diag(sandwich) / np.maximum(np.diag(inverse), 1e-300)))
-        alike = changes / math.sqrt(max(1, len(changes)))
-        shifts = np.vstack([*alike, self.timestep]) @ weighted @ inverse
-        spread: Array = rough * inverse * np.outer(grown, grown) + shifts.T @ shifts
-        return spread
+        grown: Array = np.sqrt(np.maximum(1.0, np.diag(sandwich) / np.maximum(np.diag(inverse), 1e-300)))
+        return grown
 
 
 def set_intervals(fit: SetFit, covariance: Array) -> list[Interval]:

@@ -20,8 +20,8 @@ ROWS, TRIALS = 240, 8
 TRUE = 0.5
 
 
-def jumping(smooth: Response, size: float, width: float) -> Response:
-    """A response that jumps by chance from each piece of its range to the next."""
+def jumping(smooth: Response, size: float | Array, width: float) -> Response:
+    """A response that jumps by chance from each piece of its range to the next, so far in each row."""
 
     def response(value: float) -> Array:
         piece = np.random.default_rng(int(value / width)).standard_normal(ROWS)
@@ -31,17 +31,18 @@ def jumping(smooth: Response, size: float, width: float) -> Response:
     return response
 
 
-def judged(seed: int, jump: float) -> JudgedSets:
-    """The judged set of one effect of size `TRUE`, whose response jumps so far."""
+def judged(seed: int, jump: float | Array, trials: int = TRIALS, *, together: bool = True) -> JudgedSets:
+    """The judged set of one effect of size `TRUE`, whose response jumps so far in each row."""
     rng = np.random.default_rng(seed)
     smooth = curved(rng, ROWS, 20.0)
     measured = smooth(TRUE) + rng.standard_normal(ROWS)
-    toy = ToyBench({"cause": jumping(smooth, jump, 2e-4)}, measured, TRIALS)
+    toy = ToyBench({"cause": jumping(smooth, jump, 2e-4)}, measured, trials)
     unused: Any = None
     fitter, fit = toy.fitter(), toy.search().run()[0]
     judge = SetJudge(unused, fitter.loss, fitter, SETS, unused)
     candidate: Any = SimpleNamespace(hypotheses=fit.hypotheses, together=fit)
     wide = WideChords.of(fitter, [fit])
+    wide = wide.together() if together else wide
     return JudgedSets(judge, (candidate,), np.zeros(1), 0.0, (), np.zeros(ROWS), wide=wide)
 
 
@@ -61,10 +62,31 @@ def test_intervals_cover_whatever_the_response_jumps(jump: float) -> None:
 def test_a_smooth_response_is_not_rough() -> None:
     sets = judged(1, 0.0)
     assert sets.wide is not None
-    assert sets.wide.roughness < 0.5
+    assert sets.wide.roughness.max() < 0.5
     low, high = sets.intervals(sets.candidates[0], np.zeros((1, ROWS)))[0]
     below, above = replace(sets, wide=None).intervals(sets.candidates[0], np.zeros((1, ROWS)))[0]
     assert high - low == pytest.approx(above - below, rel=0.1)
+
+
+def width(sets: JudgedSets) -> float:
+    (low, high), *_ = sets.intervals(sets.candidates[0], np.zeros((1, ROWS)))
+    return high - low
+
+
+def test_a_trial_that_jumps_tells_little_and_leaves_the_others_their_say() -> None:
+    jumps = np.where(np.arange(ROWS) < ROWS // 3, 2.0, 0.0)  # the first of three trials
+    each = [judged(seed, jumps, 3, together=False) for seed in range(12)]
+    every = [judged(seed, jumps, 3) for seed in range(12)]
+    wides = [wide for sets in each if (wide := sets.wide) is not None]
+    rough, *others = np.median([wide.roughness for wide in wides], axis=0)
+    assert rough > 1.0 > 10.0 * max(others)
+    without = np.array([1e9, 0.0, 0.0])
+    smooth = [replace(sets, wide=replace(sets.wide, excess=without)) for sets in each if sets.wide]
+    for own, alone, together in zip(each, smooth, every, strict=True):
+        assert width(own) <= width(alone)
+        assert width(own) < 1.05 * width(together)
+    assert np.median([width(one) / width(own) for one, own in zip(every, each, strict=True)]) > 1.4
+    assert sum(covered(sets) for sets in each) >= 10
 
 
 def two_effects(seed: int) -> tuple[ToyBench, list[SetFit]]:
