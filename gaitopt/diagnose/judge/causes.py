@@ -16,7 +16,7 @@ from gaitopt.diagnose.judge.chance import Chance
 from gaitopt.diagnose.judge.ensemble import Ensemble
 from gaitopt.diagnose.judge.gap import Gap, GapMeter
 from gaitopt.diagnose.judge.judgement import Judgement
-from gaitopt.diagnose.judge.precision import Interval, Precision, at_clock
+from gaitopt.diagnose.judge.precision import Interval, Precision, at_clock, mixed
 from gaitopt.diagnose.judge.set_verdict import misfit_trials
 from gaitopt.diagnose.judge.verdict import Verdict
 
@@ -222,8 +222,8 @@ class Causes:
         self, candidate: Candidate, index: int, probability: float, targets: Mapping[str, float]
     ) -> EffectProbability:
         hypothesis, at = candidate.hypotheses[index], candidate.at[index]
-        effect = hypothesis.effect
-        estimate = ParameterEstimate(effect.parameter, hypothesis.value(at), self.intervals(candidate)[index])
+        effect, ends = hypothesis.effect, self._interval(candidate, index)
+        estimate = ParameterEstimate(effect.parameter, hypothesis.value(at), ends)
         shrinkage = self._shrinkage(candidate)
         return EffectProbability(
             effect.name,
@@ -236,6 +236,33 @@ class Causes:
             candidate.cosine(self.candidates[0], self.nominal),
             targets,
         )
+
+    def _interval(self, first: Candidate, index: int) -> Interval:
+        """Return the 90 % interval of an effect's parameter over all sets that have it on that target.
+
+        It holds what the first of them fits. Sets of little probability are left out.
+
+        Args:
+            first: the most probable set that has it,
+            index: at which place.
+        """
+        h, at = first.hypotheses[index], first.at[index]
+        parts = [
+            (chance, place, (h.coordinate(low), h.coordinate(high)))
+            for other, chance, intervals in self._probable
+            for one, place, (low, high) in zip(other.hypotheses, other.at, intervals, strict=True)
+            if one.name == h.name
+        ]
+        if len(parts) < 2:
+            return self.intervals(first)[index]
+        low, high = mixed(parts)
+        return h.value(min(low, at)), h.value(max(high, at))
+
+    @cached_property
+    def _probable(self) -> list[tuple[Candidate, float, list[Interval]]]:
+        """The candidates that are not improbable, each with its probability and its intervals."""
+        pairs = zip(self.candidates, self.probabilities.tolist(), strict=True)
+        return [(one, chance, self.intervals(one)) for one, chance in pairs if chance >= LEAST_PROBABLE]
 
     def _shrinkage(self, candidate: Candidate) -> float | None:
         """Return the share of the gap above the floor that a candidate takes away on held-out data."""

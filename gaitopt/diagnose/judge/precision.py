@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import optimize, stats
 
+from gaitopt.core.statistics import NORMAL_95
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.fit.response import Response
 from gaitopt.diagnose.fit.single import Fit
@@ -119,3 +120,28 @@ def at_clock(h: Hypothesis, value: float, interval: Interval, step_s: float) -> 
     ends = (value - halves[0], value + halves[1])
     low, high = (end if h.effect.allows(end) else kept for end, kept in zip(ends, interval, strict=True))
     return low, high
+
+
+def mixed(parts: Sequence[tuple[float, float, Interval]]) -> Interval:
+    """Return the 90 % interval of a figure that one of several explanations gives.
+
+    Each gives it a distribution that is normal to either side of the figure that it fits best.
+
+    Args:
+        parts: of each explanation its probability, up to a factor, that figure, and its 90 % interval.
+    """
+    chances, middles, intervals = (np.array(one, dtype=float) for one in zip(*parts, strict=True))
+    lows, highs = intervals.T
+    below, above = (np.maximum(side, 1e-300) / NORMAL_95 for side in (middles - lows, highs - middles))
+
+    def beyond(at: float, share: float) -> float:
+        deviations = (at - middles) / np.where(at < middles, below, above)
+        return float(chances @ stats.norm.cdf(deviations) / chances.sum()) - share
+
+    def quantile(ends: Array, share: float) -> float:
+        low, high = float(ends.min()), float(ends.max())
+        if beyond(low, share) >= 0.0 or beyond(high, share) <= 0.0:  # all are the same, but for rounding
+            return low if share < 0.5 else high
+        return float(optimize.brentq(beyond, low, high, args=(share,)))
+
+    return quantile(lows, 0.05), quantile(highs, 0.95)
