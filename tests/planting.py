@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +35,7 @@ def rollout(
     simulator = Simulator.build(problem.with_effects(effects or {}), (pose,), OTHER)
     model = copy.copy(simulator.models[0])
     model.opt.impratio = 20
-    other = replace(simulator, models=(model,))
+    other = simulator.with_model(model)
     return other.observe(other.run(problem.baselines[gait], duration=duration))
 
 

@@ -76,4 +76,4 @@ class Walker:
             return robot
         model = copy.copy(robot.models[0])
         model.opt.impratio = self.impratio
-        return replace(robot, models=(model,))
+        return robot.with_model(model)

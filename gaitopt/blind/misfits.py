@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -73,4 +73,4 @@ def _slippery(robot: Simulator, factor: float) -> Simulator:
     model = copy.copy(robot.models[0])
     parts = Parts(model, robot.problem.roles, robot.problem.channel_names)
     scale_friction(model, parts.touching, factor)
-    return replace(robot, models=(model,))
+    return robot.with_model(model)

@@ -129,7 +129,7 @@ class Numerics:
             model = with_small_errors(copy.copy(robot.models[0]), robot, rng)
         model.opt.impratio = self.impratio
         mujoco.mj_setConst(model, mujoco.MjData(model))
-        return replace(robot, models=(model,))
+        return robot.with_model(model)
 
 
 def record(factory: CaseFactory, draw: Draw, rng: np.random.Generator, executor: Executor) -> Recording:

@@ -135,6 +135,10 @@ class Simulator:
         models = tuple(with_fidelity(model, fidelity) for model in self.models)
         return replace(self, fidelity=fidelity, models=models, _local=threading.local())
 
+    def with_model(self, model: mujoco.MjModel) -> Simulator:
+        """Return the same robot, in one scenario, with another model of it."""
+        return replace(self, models=(model,), _local=threading.local())
+
     def split(self) -> list[Simulator]:
         """Return the robot of each scenario, alone."""
         pairs = zip(self.scenarios, self.models, strict=True)

@@ -2,9 +2,7 @@
 
 import copy
 import math
-import threading
 import xml.etree.ElementTree as ET
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -101,7 +99,7 @@ def test_islands_are_looked_for_where_there_is_more_than_one_tree(name: str) -> 
     assert bool(model.opt.disableflags & flag) == (model.ntree == 1)
     other = copy.copy(model)
     other.opt.disableflags ^= flag
-    twin = replace(simulator, models=(other,), _local=threading.local())
+    twin = simulator.with_model(other)
     gait = next(iter(problem.baselines.values()))
     walks = [one.run(gait, duration=1.0) for one in (simulator, twin)]
     assert same_bits(*walks) == (model.ntree == 1)

@@ -93,7 +93,7 @@ def _true_speed(problem: Problem, effect: EffectValue, gait: Gait, rng: np.rando
     model = with_small_errors(copy.copy(robot.models[0]), robot, rng)
     model.opt.impratio = float(rng.choice(DEFAULT.impratios))
     mujoco.mj_setConst(model, mujoco.MjData(model))
-    robot = replace(robot, models=(model,))
+    robot = robot.with_model(model)
     return measure(problem, gait, robot.run(gait), Robot.of(model))[SPEED.name]
 
 

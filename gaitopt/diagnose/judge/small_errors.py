@@ -46,7 +46,7 @@ def perturbed_robots(
         misplace_tags(model, simulator.problem, generator(seed, Stream.TAG_MOUNTING, stream, index))
         if index % 3 == 1:
             swap_cone(model)
-        erring = replace(robot, models=(model,))
+        erring = robot.with_model(model)
         robots.append(erring.at(halved if is_finer(index) else simulator.fidelity))
     return robots
 
@@ -121,7 +121,7 @@ def tolerant_robots(simulator: Simulator, seed: int, count: int) -> list[Simulat
         misplace_tags(model, problem, generator(seed, Stream.TAG_MOUNTING, Stream.TOLERANT_ROBOTS, index))
         if index % 3 == 1:
             swap_cone(model)
-        robot = replace(robot, effects=replace(robot.effects, active=measured), models=(model,))
+        robot = replace(robot.with_model(model), effects=replace(robot.effects, active=measured))
         robots.append(robot.at(halved) if is_finer_tolerant(index) else robot)
     return robots
 
