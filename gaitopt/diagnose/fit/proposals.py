@@ -89,7 +89,7 @@ class Proposals:
         The other effects of the set go where their slopes then make least squares.
         """
         loss, found = self.loss, []
-        weights = np.sqrt(loss.trial_weights(loss.squares(fit.robot.whitened)))[loss.row_trials]
+        weights = np.sqrt(loss.weights_of(fit.robot.whitened))[loss.row_trials]
         steps = np.linalg.pinv(fit.slopes * weights[:, None]) * weights
         for moved in self._followed(hypothesis).moved(self._values(hypothesis, shares), mixtures):
             left = fit.robot.whitened - moved

@@ -80,6 +80,10 @@ class RobustLoss:
         """Return the loss of each trial, shape (trials,)."""
         return self.of_squares(self.squares(whitened))
 
+    def weights_of(self, whitened: Array) -> Array:
+        """Return `trial_weights` of a whitened residual, shape (trials,)."""
+        return self.trial_weights(self.squares(whitened))
+
     def total(self, whitened: Array) -> float:
         """Return the loss of all trials, minus twice a logarithm of a likelihood."""
         return float(self.of_each(whitened).sum())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -247,22 +247,32 @@ class Causes:
             index: at which place.
         """
         h, at = first.hypotheses[index], first.at[index]
-        parts = [
-            (chance, place, (h.coordinate(low), h.coordinate(high)))
+        found = [
+            (chance, own, ends)
             for other, chance, intervals in self._probable
-            for one, place, (low, high) in zip(other.hypotheses, other.at, intervals, strict=True)
+            for one, own, ends in zip(other.hypotheses, other.at, intervals, strict=True)
             if one.name == h.name
         ]
-        if len(parts) < 2:
+        if not found:
             return self.intervals(first)[index]
-        low, high = mixed(parts)
+        if len(found) == 1:
+            return found[0][2]
+        low, high = mixed(
+            [
+                (chance, own, (h.coordinate(below), h.coordinate(above)))
+                for chance, own, (below, above) in found
+            ]
+        )
         return h.value(min(low, at)), h.value(max(high, at))
 
     @cached_property
     def _probable(self) -> list[tuple[Candidate, float, list[Interval]]]:
-        """The candidates that are not improbable, each with its probability and its intervals."""
-        pairs = zip(self.candidates, self.probabilities.tolist(), strict=True)
-        return [(one, chance, self.intervals(one)) for one, chance in pairs if chance >= LEAST_PROBABLE]
+        """The candidates that are not improbable, and the first, with their probabilities and intervals."""
+        rows: list[tuple[Candidate, float, list[Interval]]] = []
+        for candidate, chance in zip(self.candidates, self.probabilities.tolist(), strict=True):
+            if chance >= LEAST_PROBABLE or not rows:
+                rows.append((candidate, chance, self.intervals(candidate)))
+        return rows
 
     def _shrinkage(self, candidate: Candidate) -> float | None:
         """Return the share of the gap above the floor that a candidate takes away on held-out data."""
@@ -279,14 +289,15 @@ class Causes:
     @property
     def explanations(self) -> list[dict[str, Any]]:
         """Sets of effects with their probabilities, the most probable first: rows of ``diagnosis.json``."""
-        rows: list[dict[str, Any]] = []
-        for candidate, chance in zip(self.candidates, self.probabilities.tolist(), strict=True):
-            if chance >= LEAST_PROBABLE or not rows:
-                rows.append(self._explanation(candidate, self._of_library * chance))
-        return rows
+        return [
+            self._explanation(candidate, self._of_library * chance, intervals)
+            for candidate, chance, intervals in self._probable
+        ]
 
-    def _explanation(self, candidate: Candidate, probability: float) -> dict[str, Any]:
-        parts = zip(candidate.hypotheses, candidate.at, self.intervals(candidate), strict=True)
+    def _explanation(
+        self, candidate: Candidate, probability: float, intervals: Sequence[Interval]
+    ) -> dict[str, Any]:
+        parts = zip(candidate.hypotheses, candidate.at, intervals, strict=True)
         return {
             "effects": [
                 {

@@ -132,9 +132,9 @@ class _End:
 
 def _standard_error(fitter: SetFitter, parameter: _Parameter) -> float:
     """Return the standard error of a parameter by the slopes of its set, in ranges, if the others stay."""
-    fit, index, loss = parameter.fit, parameter.index, fitter.loss
-    weights = loss.trial_weights(loss.squares(fit.robot.whitened))
-    return 1.0 / math.sqrt(max(float(fitter.curvature(fit, weights)[index, index]), 1.0))
+    fit, index = parameter.fit, parameter.index
+    curvature = fitter.curvature(fit, fitter.loss.weights_of(fit.robot.whitened))
+    return 1.0 / math.sqrt(max(float(curvature[index, index]), 1.0))
 
 
 def _chords(fitter: SetFitter, widths: Sequence[tuple[_Parameter, float]]) -> list[tuple[_End, _End]]:

@@ -330,7 +330,7 @@ class JudgedSets:
             changes: change of the whitened residual with each perturbed robot, shape (robots, rows).
         """
         loss, fitter = self.judge.loss, self.judge.fitter
-        weights = loss.trial_weights(loss.squares(fit.robot.whitened))
+        weights = loss.weights_of(fit.robot.whitened)
         told = weights
         if self.wide is not None:
             fit, told = self.wide.of_set(fit), weights / (1.0 + self.wide.roughness)
