@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gaitopt.core.firsts import firsts
 from gaitopt.diagnose.fit.set_fit import SetFit, SetFitter
 from gaitopt.diagnose.fit.single import robot_request
+from gaitopt.effects.effect import Effect
 
 Array = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ class WideChords:
         return replace(self, excess=np.full_like(self.excess, self.excess.sum()))
 
     @staticmethod
-    def of(fitter: SetFitter, fits: Sequence[SetFit]) -> WideChords:
+    def of(fitter: SetFitter, fits: Sequence[SetFit], improbable: Sequence[SetFit] = ()) -> WideChords:
         """Return slopes over wide chords, of each effect in the first set that has it.
 
         A chord is wide enough where a wider one has the same slope, or the loss rises clearly. An effect that
@@ -59,25 +60,15 @@ class WideChords:
 
         Args:
             fitter: the fitter of the sets.
-            fits: the sets.
+            fits: the sets, which say how rough the trials are.
+            improbable: sets that do not. Effects that are in these alone have a slope on their first target.
         """
-        settings, ends = fitter.settings, list[_End]()
-        every = [_Parameter(fit, index) for fit in fits for index in range(len(fit.hypotheses))]
-        narrow = [one for one in firsts(every, lambda one: one.name) if not one.jumps]
-        errors = {one: _standard_error(fitter, one) for one in narrow}
-        slopes: dict[str, Array] = {}
-        for factor in settings.chord_errors:
-            for below, above in _chords(fitter, [(one, factor * errors[one]) for one in narrow]):
-                parameter, rise = below.parameter, 0.5 * (below.rise + above.rise)
-                if rise > settings.chord_rise and factor > settings.chord_errors[0]:
-                    narrow.remove(parameter)
-                    continue
-                slope = (above.whitened - below.whitened) / (above.step - below.step)
-                before = slopes.get(parameter.name, parameter.slope)
-                slopes[parameter.name], ends = slope, [*ends, below, above]
-                if np.linalg.norm(slope - before) < settings.same_slope * np.linalg.norm(slope):
-                    narrow.remove(parameter)
-        return WideChords(slopes, _excess(fitter, slopes, ends))
+        probable = firsts(_parameters(fits), lambda one: one.name)
+        named = {one.effect.name for one in probable}
+        others = [one for one in _parameters(improbable) if one.effect.name not in named]
+        others = firsts(others, lambda one: one.effect.name)
+        slopes, ends = _widened(fitter, [one for one in [*probable, *others] if not one.effect.jumps])
+        return WideChords(slopes, _excess(fitter, slopes, [end for end in ends if end.parameter in probable]))
 
     def of_set(self, fit: SetFit) -> SetFit:
         """Return a set with these slopes; those of effects without a wide chord are its own."""
@@ -102,8 +93,8 @@ class _Parameter:
         return self.fit.hypotheses[self.index].name
 
     @property
-    def jumps(self) -> bool:
-        return self.fit.hypotheses[self.index].effect.jumps
+    def effect(self) -> Effect:
+        return self.fit.hypotheses[self.index].effect
 
     @property
     def slope(self) -> Array:
@@ -128,6 +119,29 @@ class _End:
     whitened: Array
     losses: Array
     rise: float
+
+
+def _parameters(fits: Sequence[SetFit]) -> list[_Parameter]:
+    return [_Parameter(fit, index) for fit in fits for index in range(len(fit.hypotheses))]
+
+
+def _widened(fitter: SetFitter, narrow: Sequence[_Parameter]) -> tuple[dict[str, Array], list[_End]]:
+    """Return the slope of each parameter over a chord that is wide enough, and the ends of all chords."""
+    settings, ends = fitter.settings, list[_End]()
+    narrow, errors = [*narrow], {one: _standard_error(fitter, one) for one in narrow}
+    slopes: dict[str, Array] = {}
+    for factor in settings.chord_errors:
+        for below, above in _chords(fitter, [(one, factor * errors[one]) for one in narrow]):
+            parameter, rise = below.parameter, 0.5 * (below.rise + above.rise)
+            if rise > settings.chord_rise and factor > settings.chord_errors[0]:
+                narrow.remove(parameter)
+                continue
+            slope = (above.whitened - below.whitened) / (above.step - below.step)
+            before = slopes.get(parameter.name, parameter.slope)
+            slopes[parameter.name], ends = slope, [*ends, below, above]
+            if np.linalg.norm(slope - before) < settings.same_slope * np.linalg.norm(slope):
+                narrow.remove(parameter)
+    return slopes, ends
 
 
 def _standard_error(fitter: SetFitter, parameter: _Parameter) -> float:

@@ -293,7 +293,7 @@ def _judged(
     changes = [_moves(judge, fit, apart) for fit in chosen[:probable]]
     changes += [dict.fromkeys((h.name for h in fit.hypotheses), 0.0) for fit in chosen[probable:]]
     candidates = tuple(_candidate(judge, fit, known) for fit in chosen)
-    wide = WideChords.of(judge.fitter, chosen[:probable]) if chosen else None
+    wide = WideChords.of(judge.fitter, chosen[:probable], chosen[probable:]) if chosen else None
     still = np.zeros(len(judge.loss.row_trials))
     return JudgedSets(judge, candidates, weights, none, tuple(changes), still, wide=wide)
 

@@ -111,6 +111,16 @@ def test_an_effect_goes_aside_in_the_first_set_that_has_it() -> None:
     np.testing.assert_array_equal(columns, np.column_stack([wide.slopes["one"], wide.slopes["other"]]))
 
 
+def test_an_effect_of_an_improbable_set_goes_aside_and_says_nothing_of_the_trials() -> None:
+    toy, (alone, both) = two_effects(0)
+    fitter, probable = toy.fitter(), WideChords.of(toy.fitter(), [alone])
+    wide = WideChords.of(fitter, [alone], [both])
+    np.testing.assert_array_equal(wide.excess, probable.excess)
+    np.testing.assert_array_equal(wide.slopes["other"], probable.slopes["other"])
+    np.testing.assert_array_equal(wide.slopes["one"], WideChords.of(fitter, [both]).slopes["one"])
+    assert np.any(WideChords.of(fitter, [alone, both]).excess != probable.excess)
+
+
 def test_a_set_that_did_not_go_aside_borrows_wide_slopes_of_others() -> None:
     toy, (alone, both) = two_effects(0)
     fitter, unused = toy.fitter(), np.zeros((1, ROWS))
