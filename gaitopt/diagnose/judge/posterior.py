@@ -8,8 +8,8 @@ predictions add it from the evidence of held-out trials (see `diagnose.predictio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from gaitopt.core.streams import Stream, generator
 from gaitopt.diagnose.fit.hypotheses import Hypothesis
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.causes import Causes
+from gaitopt.diagnose.judge.precision import Interval
 from gaitopt.effects.active import EffectValue, EffectValues
 
 Array = NDArray[np.float64]
@@ -50,6 +51,21 @@ class Spread:
         spans = np.array([h.high - h.low for h in hypotheses])
         deviations = spans * np.sqrt(np.diag(shares))
         return Spread(tuple(hypotheses), np.array(at), deviations, deviations, correlation_of(shares))
+
+    def with_intervals(self, intervals: Mapping[str, Interval]) -> Spread:
+        """Return the same with some parameters as wide to either side as other evidence than the fit says.
+
+        Args:
+            intervals: their 90 % intervals, in their units, by the effects with their targets.
+        """
+        hypotheses, below, above = [*self.hypotheses], self.below.copy(), self.above.copy()
+        for index, h in enumerate(hypotheses):
+            if h.name in intervals:
+                low, high = map(h.coordinate, intervals[h.name])
+                hypotheses[index] = replace(h, low=min(h.low, low), high=max(h.high, high))
+                below[index] = max(0.0, self.at[index] - low) / NORMAL_95
+                above[index] = max(0.0, high - self.at[index]) / NORMAL_95
+        return replace(self, hypotheses=tuple(hypotheses), below=below, above=above)
 
     def robot(self, normal: Array) -> EffectValues:
         """Return the robot that belongs to independent standard normal numbers, shape (k,)."""
@@ -101,12 +117,14 @@ def draw_robots(found: Causes, seed: int, count: int = ROBOTS) -> tuple[EffectVa
 def spread_of(found: Causes, candidate: Candidate) -> Spread:
     """Return how well the parameters of a candidate are known.
 
-    Those of a set have the covariance of its fit. That of one effect is as wide to each side as its interval.
+    Those of a set have the covariance of its fit, but for those that other evidence tells. That of one effect
+    is as wide to each side as its interval.
     """
     sets, hypotheses = found.judgement.sets, candidate.hypotheses
     if sets is not None and candidate.together is not None:
         shares = sets.covariance(candidate.together, found.changes)
-        return Spread.of_covariance(hypotheses, candidate.at, shares)
+        spread = Spread.of_covariance(hypotheses, candidate.at, shares)
+        return spread.with_intervals(sets.other_intervals(candidate, found.changes))
     at = np.array(candidate.at)
     ends = [
         [h.coordinate(end) for end in interval]

@@ -309,6 +309,11 @@ class JudgedSets:
         parts = zip(candidate.hypotheses, found, strict=True)
         return [self.known.get(h.name, self._shifted(h, interval)) for h, interval in parts]
 
+    def other_intervals(self, candidate: Candidate, changes: Array) -> dict[str, Interval]:
+        """Return the intervals of a set that do not follow from its fit alone, by the effects' names."""
+        parts = zip(candidate.hypotheses, self.intervals(candidate, changes), strict=True)
+        return {h.name: ends for h, ends in parts if h.name in self.known or h.effect.name in self.shifts}
+
     def _shifted(self, h: Hypothesis, interval: Interval) -> Interval:
         """Return the interval of a parameter that may be less or more than its fit says, in its unit."""
         if h.effect.name not in self.shifts:

@@ -15,6 +15,7 @@ from gaitopt.diagnose.fit.runner import Runner
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.find_causes import NominalGap, prepare_trials
 from gaitopt.diagnose.judge.lateness import Lateness, find_lateness
+from gaitopt.diagnose.judge.posterior import draw_robots
 from gaitopt.effects.library.jitter import COMMAND_JITTER
 from gaitopt.gait.logged import LoggedCommands
 from gaitopt.jobs.diagnose import Question
@@ -121,7 +122,10 @@ def test_a_diagnosis_names_jitter_and_not_the_latency_that_stands_in_for_it(
     assert "command_latency" not in found.causes
     assert found.found is not None
     (row,) = [one for one in found.found.effects if one.name == COMMAND_JITTER.name]
-    assert row.parameter.ci90[0] < 0.008 < row.parameter.ci90[1]
+    low, high = row.parameter.ci90
+    assert low < 0.008 < high
+    drawn = [one.value for robot in draw_robots(found.found, 1) for one in robot if one.name == row.name]
+    assert np.quantile(drawn, (0.05, 0.95)) == pytest.approx((low, high), abs=0.3 * (high - low))
 
 
 def test_the_mean_of_delays_by_chance_is_known_less_well_than_their_spread() -> None:

@@ -1,6 +1,7 @@
 """Robots drawn from explanations: as often as these are probable, as far as their parameters are known."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -41,6 +42,14 @@ def test_parameters_spread_as_far_to_each_side_as_they_are_known() -> None:
 def test_parameters_that_were_fitted_together_are_drawn_together() -> None:
     values = drawn(spread([0.5, 0.5], 0.02, 0.02, correlation=-0.9))
     assert np.corrcoef(values.T)[0, 1] == pytest.approx(-0.9, abs=0.02)
+
+
+def test_other_evidence_says_how_widely_a_parameter_is_drawn() -> None:
+    fixed = replace(ONE, low=0.4999, high=0.5001)  # as the jitter of commands is in a fit
+    exactly = Spread((fixed, OTHER), np.array([0.5, 0.5]), np.full(2, 1e-5), np.full(2, 0.02), np.eye(2))
+    values = drawn(exactly.with_intervals({"one": (0.4, 0.55)}))
+    assert np.quantile(values[:, 0], (0.05, 0.5, 0.95)) == pytest.approx((0.4, 0.5, 0.55), abs=3e-3)
+    np.testing.assert_array_equal(values[:, 1], drawn(exactly)[:, 1])
 
 
 @given(st.floats(0.0, 1.2), st.floats(0.0, 3.0))
