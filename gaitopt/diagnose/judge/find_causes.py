@@ -23,11 +23,11 @@ from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.covariance import with_tolerances
 from gaitopt.diagnose.judge.gait_sets import GaitSets
 from gaitopt.diagnose.judge.gap import Gap, GapMeter
+from gaitopt.diagnose.judge.judged_sets import JudgedSets
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.perturbed import perturbed_about
 from gaitopt.diagnose.judge.set_causes import judged_by_sets
 from gaitopt.diagnose.judge.set_verdict import by_own_covariance, conclude_sets, predicts
-from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.small_errors import perturbed_robots
 from gaitopt.diagnose.judge.unevenness import unevenness
 from gaitopt.diagnose.judge.verdict import (

@@ -26,66 +26,24 @@ from gaitopt.diagnose.fit.set_search import SetSearch
 from gaitopt.diagnose.fit.settings import SetSettings
 from gaitopt.diagnose.fit.single import Fit, Residual, robot_request
 from gaitopt.diagnose.fit.sums import best_sums
-from gaitopt.diagnose.fit.trials import Comparison, Indices, TrialSet
+from gaitopt.diagnose.fit.trials import Comparison, Indices
 from gaitopt.diagnose.gap.floor import Floors
+from gaitopt.diagnose.judge.apart import Apart, floors_apart, squares_apart
 from gaitopt.diagnose.judge.candidates import Candidate, heldout
 from gaitopt.diagnose.judge.chords import WideChords
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.covariance import About, with_small_errors, with_tolerances
 from gaitopt.diagnose.judge.evidence import averaged, probabilities
+from gaitopt.diagnose.judge.judged_sets import JudgedSets
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.luck import luck
-from gaitopt.diagnose.judge.sets import JudgedSets, SetJudge
-from gaitopt.robot.signals import is_position
+from gaitopt.diagnose.judge.set_judge import SetJudge
+from gaitopt.diagnose.judge.simulated import Simulated
 
 Array = NDArray[np.float64]
 
-Apart = Callable[[TrialSet, Comparison, Comparison], float]
-"""Tells how far two robots are apart: at 2 the difference shows."""
-
 _NEUTRAL = 1e-3
 """A coordinate closer to the neutral one than this, in ranges, does nothing."""
-
-_ANGLE_FLOORS = 3.0
-"""Floors of an angle that count as one: nearly each effect of a servo is seen in it, however small."""
-
-
-@dataclass
-class Simulated:
-    """Robots with effects, as they were simulated, compared with the trials by the first covariance.
-
-    Attributes:
-        robots: the comparisons by the names of their requests; None for a robot that cannot be simulated.
-        requests: the requests by their names.
-    """
-
-    robots: dict[str, Comparison | None] = field(default_factory=dict)
-    requests: dict[str, RobotRequest] = field(default_factory=dict)
-
-    def add(self, requests: Sequence[RobotRequest], robots: Sequence[Comparison | None]) -> None:
-        """Add robots with their requests."""
-        for request, robot in zip(requests, robots, strict=True):
-            self.robots[request.name], self.requests[request.name] = robot, request
-
-    def add_fits(self, judgement: Judgement) -> None:
-        """Add the robots with single effects that were fitted, by the first covariance."""
-        trial_set = judgement.trial_set
-        for fit in judgement.fits:
-            robots = {float(one.at[0]): one for one in fit.comparisons}
-            robots.pop(fit.hypothesis.neutral, None)  # the nominal one
-            requests = {at: request for at in robots if (request := fit.request(at)).name not in self.robots}
-            initial = trial_set.initial
-            self.add([*requests.values()], [initial.rewhiten(robots[at], trial_set) for at in requests])
-
-    def with_effects_of(self, fit: SetFit) -> list[Comparison]:
-        """Return the robots that have the effects of a set, on the same targets and no others."""
-        wanted = _targets(robot_request(fit.point))
-        named = [name for name, request in self.requests.items() if _targets(request) == wanted]
-        return [robot for name in named if (robot := self.robots[name]) is not None]
-
-
-def _targets(request: RobotRequest) -> dict[str, object]:
-    return {name: values.get("target") for name, values in request.effects.items()}
 
 
 @dataclass(frozen=True)
@@ -350,31 +308,3 @@ def _moves(judge: SetJudge, fit: SetFit, apart: Apart) -> dict[str, float]:
         h.name: math.inf if robot is None else apart(judge.trial_set, fit.robot, robot)
         for h, robot in zip(fit.hypotheses, robots, strict=True)
     }
-
-
-def squares_apart(trial_set: TrialSet, one: Comparison, other: Comparison) -> float:
-    """Return the mean whitened square of the difference of two robots, in the trial where it is most."""
-    return float(trial_set.mean_squares(one.whitened - other.whitened).max())
-
-
-def floors_apart(trial_set: TrialSet, one: Comparison, other: Comparison, floors: Sequence[Floors]) -> float:
-    """Return how far two robots are apart, in floors, in the trial and signal where it is most.
-
-    Args:
-        trial_set: the trials.
-        one, other: the trials compared with the robots.
-        floors: floor of each signal of each trial.
-    """
-    ratios = [0.0]
-    for kind, residuals, blocks in (
-        (True, one.marker - other.marker, trial_set.sample_blocks),
-        (False, one.angles - other.angles, trial_set.angle_blocks),
-    ):
-        trials = trial_set.block_trials[blocks]
-        for index, own in enumerate(floors):
-            squares = [floor.total**2 for name, floor in own.items() if is_position(name) == kind]
-            moved = residuals[trials == index]
-            if squares and len(moved):
-                floor = math.sqrt(float(np.mean(squares))) * (1.0 if kind else _ANGLE_FLOORS)
-                ratios.append(math.sqrt(float(np.mean(moved**2))) / max(floor, 1e-12))
-    return max(ratios)

@@ -23,8 +23,8 @@ from gaitopt.diagnose.judge import evidence
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.gap import GapMeter
+from gaitopt.diagnose.judge.judged_sets import JudgedSets
 from gaitopt.diagnose.judge.perturbed import Perturb, PerturbedRobots, perturbed_about
-from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.settings import DEFAULT, DiagnosisSettings
 from gaitopt.simulation.tolerances import allowed
 

@@ -14,9 +14,10 @@ from gaitopt.diagnose.fit.residual import WhitenedTrial
 from gaitopt.diagnose.fit.trials import TrialSet
 from gaitopt.diagnose.gap.floor import Floors
 from gaitopt.diagnose.judge.context import Context
+from gaitopt.diagnose.judge.judged_sets import JudgedSets
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.lateness import LateChanges, Lateness, find_lateness, simulate_late_changes
-from gaitopt.diagnose.judge.sets import JudgedSets, RankedSets, SetJudge
+from gaitopt.diagnose.judge.set_judge import RankedSets, SetJudge
 from gaitopt.effects.library.jitter import COMMAND_JITTER
 from gaitopt.effects.library.timing import COMMAND_LATENCY
 from gaitopt.effects.parts import ALL

@@ -13,8 +13,8 @@ from gaitopt.diagnose.gap.floor import Floors, marker_floor
 from gaitopt.diagnose.judge import evidence
 from gaitopt.diagnose.judge.candidates import Candidate
 from gaitopt.diagnose.judge.gap import GapMeter
+from gaitopt.diagnose.judge.judged_sets import JudgedSets
 from gaitopt.diagnose.judge.judgement import Judgement
-from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.settings import VerdictSettings
 from gaitopt.diagnose.judge.verdict import Verdict, other_probability
 

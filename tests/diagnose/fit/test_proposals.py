@@ -13,7 +13,7 @@ from gaitopt.diagnose.fit.runner import Runner
 from gaitopt.diagnose.fit.single import robot_request
 from gaitopt.diagnose.judge.context import Context
 from gaitopt.diagnose.judge.find_causes import NominalGap, prepare_trials
-from gaitopt.diagnose.judge.sets import SetJudge
+from gaitopt.diagnose.judge.set_judge import SetJudge
 from gaitopt.diagnose.judge.settings import DEFAULT
 from gaitopt.effects.library.servo_command import SERVO_RESOLUTION
 from gaitopt.simulation.rollout import Simulator

@@ -13,7 +13,8 @@ from gaitopt import Problem
 from gaitopt.core.streams import seeded
 from gaitopt.diagnose.fit.robust import WideLoss
 from gaitopt.diagnose.gap.floor import Floor
-from gaitopt.diagnose.judge.gait_sets import GaitSets, floors_apart, squares_apart
+from gaitopt.diagnose.judge.apart import floors_apart, squares_apart
+from gaitopt.diagnose.judge.gait_sets import GaitSets
 from gaitopt.diagnose.judge.perturbed import compared_about
 from gaitopt.diagnose.judge.settings import DEFAULT
 from gaitopt.diagnose.judge.small_errors import tolerant_robots, tolerant_scenarios

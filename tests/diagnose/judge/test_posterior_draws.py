@@ -13,9 +13,9 @@ from toyfits import toy_comparison, toy_trials
 from toysets import toy_hypothesis
 
 from gaitopt.diagnose.judge import posterior
+from gaitopt.diagnose.judge.judged_sets import JudgedSets
 from gaitopt.diagnose.judge.judgement import Judgement
 from gaitopt.diagnose.judge.posterior import Spread, correlation_of, draw_robots
-from gaitopt.diagnose.judge.sets import JudgedSets
 
 ONE, OTHER = toy_hypothesis("one"), toy_hypothesis("other")
 

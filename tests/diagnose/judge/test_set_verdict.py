@@ -11,6 +11,7 @@ import pytest
 from toysets import toy_hypothesis
 
 from gaitopt.diagnose.gap.floor import Floor
+from gaitopt.diagnose.judge.judged_sets import JudgedSets
 from gaitopt.diagnose.judge.set_verdict import (
     at_work,
     by_own_covariance,
@@ -19,7 +20,6 @@ from gaitopt.diagnose.judge.set_verdict import (
     predicts,
     stand_ins,
 )
-from gaitopt.diagnose.judge.sets import JudgedSets
 from gaitopt.diagnose.judge.settings import VerdictSettings
 from gaitopt.diagnose.judge.verdict import Verdict
 

@@ -10,7 +10,8 @@ from toysets import ToyBench, curved
 
 from gaitopt.diagnose.fit.set_fit import SetFit
 from gaitopt.diagnose.fit.settings import SETS
-from gaitopt.diagnose.judge.sets import JudgedSets, SetJudge
+from gaitopt.diagnose.judge.judged_sets import JudgedSets
+from gaitopt.diagnose.judge.set_judge import SetJudge
 
 Array = NDArray[np.float64]
 
