@@ -349,7 +349,8 @@ def write_plot(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     names = list(rows[0]["shares"])
     figure, axes = single_panel(4.0)
     for row in rows:
-        shares = [shares_of(row)[name] for name in names]
+        own = shares_of(row)
+        shares = [own[name] for name in names]
         axes.plot(shares, range(len(names)), ".", color=COLOURS[int(row["hard"])], alpha=0.6)
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()

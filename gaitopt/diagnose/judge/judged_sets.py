@@ -98,13 +98,16 @@ class JudgedSets:
         """Return a 90 % interval of each parameter of a set, in its unit."""
         if candidate.together is None:
             raise ValueError("the candidate is no set of effects")
-        found = set_intervals(candidate.together, self.covariance(candidate.together, changes))
-        parts = zip(candidate.hypotheses, found, strict=True)
+        return self.intervals_by(candidate.together, self.covariance(candidate.together, changes))
+
+    def intervals_by(self, fit: SetFit, covariance: Array) -> list[Interval]:
+        """Return the same of a set whose parameters have a covariance, in squares of ranges, shape (k, k)."""
+        parts = zip(fit.hypotheses, set_intervals(fit, covariance), strict=True)
         return [self.known.get(h.name, self._shifted(h, interval)) for h, interval in parts]
 
-    def other_intervals(self, candidate: Candidate, changes: Array) -> dict[str, Interval]:
-        """Return the intervals of a set that do not follow from its fit alone, by the effects' names."""
-        parts = zip(candidate.hypotheses, self.intervals(candidate, changes), strict=True)
+    def other_intervals(self, fit: SetFit, covariance: Array) -> dict[str, Interval]:
+        """Return those of them that do not follow from the fit alone, by the effects' names."""
+        parts = zip(fit.hypotheses, self.intervals_by(fit, covariance), strict=True)
         return {h.name: ends for h, ends in parts if h.name in self.known or h.effect.name in self.shifts}
 
     def _shifted(self, h: Hypothesis, interval: Interval) -> Interval:

@@ -63,8 +63,7 @@ class Spread:
             if h.name in intervals:
                 low, high = map(h.coordinate, intervals[h.name])
                 hypotheses[index] = replace(h, low=min(h.low, low), high=max(h.high, high))
-                below[index] = max(0.0, self.at[index] - low) / NORMAL_95
-                above[index] = max(0.0, high - self.at[index]) / NORMAL_95
+                below[index], above[index] = _deviations(self.at[index], low, high)
         return replace(self, hypotheses=tuple(hypotheses), below=below, above=above)
 
     def robot(self, normal: Array) -> EffectValues:
@@ -124,12 +123,17 @@ def spread_of(found: Causes, candidate: Candidate) -> Spread:
     if sets is not None and candidate.together is not None:
         shares = sets.covariance(candidate.together, found.changes)
         spread = Spread.of_covariance(hypotheses, candidate.at, shares)
-        return spread.with_intervals(sets.other_intervals(candidate, found.changes))
+        return spread.with_intervals(sets.other_intervals(candidate.together, shares))
     at = np.array(candidate.at)
     ends = [
         [h.coordinate(end) for end in interval]
         for h, interval in zip(hypotheses, found.intervals(candidate), strict=True)
     ]
-    low, high = np.array(ends).T
-    below, above = (np.maximum(side, 0.0) / NORMAL_95 for side in (at - low, high - at))
+    below, above = _deviations(at, *np.array(ends).T)
     return Spread(hypotheses, at, below, above, np.eye(len(at)))
+
+
+def _deviations(at: Array, low: Array | float, high: Array | float) -> tuple[Array, Array]:
+    """Return the standard deviations to either side of coordinates that 90 % intervals stand for."""
+    below, above = (np.maximum(side, 0.0) / NORMAL_95 for side in (at - low, high - at))
+    return below, above

@@ -141,8 +141,10 @@ def test_a_cause_that_other_evidence_can_replace_is_doubtful() -> None:
     low, high = sets.intervals(sets.candidates[0], unchanged)[0]
     shifted = replace(sets, shifts={"cause": (-2.0 * TRUE, 0.0)})
     assert shifted.intervals(shifted.candidates[0], unchanged)[0] == (0.0, high)
-    assert shifted.other_intervals(shifted.candidates[0], unchanged) == {"cause": (0.0, high)}
-    assert not sets.other_intervals(sets.candidates[0], unchanged)
+    fit = sets.candidates[0].together
+    assert fit is not None
+    assert shifted.other_intervals(fit, shifted.covariance(fit, unchanged)) == {"cause": (0.0, high)}
+    assert not sets.other_intervals(fit, sets.covariance(fit, unchanged))
     assert shifted.doubtful(unchanged) == {"cause"}
     a_little = replace(sets, shifts={"cause": (-0.1 * low, 0.2 * low)})
     assert a_little.intervals(a_little.candidates[0], unchanged)[0] == pytest.approx(
